@@ -15,7 +15,7 @@ namespace terratool::traversability {
 enum Gear : u8 { WHEELS, TRACKS, FEET };  // terratool/traversability/vehicle.py: `GEARS`
 
 // Most that the ground holds, in loads; terratool/traversability/track.py: `MOST_GRIP`.
-constexpr double MOST_GRIP = 1.2;
+constexpr double MOST_GRIP = 1.16;
 
 // Where the tracks of a vehicle are, for their loads; of length 0 where it has none.
 struct TrackPair {
@@ -44,6 +44,25 @@ inline double pressed_share(double length, double e, double behind) {
 // How much of a track touches the ground, m.
 inline double pressed_length(double length, double e) {
     return min(length, max(3.0 * (0.5 * length - abs(e)), 0.0));
+}
+
+// 1 − (1 − exp(−x))/x, the mean along a track of the share that its shear mobilises, x = s L/K.
+inline double mean_mobilised(double x) {
+    if (x < 1e-4) return x * (0.5 - x / 6.0);
+    return x < INF ? 1.0 + std::expm1(-x) / x : 1.0;
+}
+
+// x that mobilises a share below 1 so.
+inline double mean_shear(double share) {
+    if (share <= 0.0) return 0.0;
+    if (share < 1e-4) return 2.0 * share * (1.0 + share * (2.0 / 3.0));
+    double x = share * (2.0 - share) / (1.0 - share);  // right at both ends
+    for (int n = 0; n < 5; ++n) {                      // Newton
+        double fall = std::expm1(-x);
+        double slope = (-fall - x * (1.0 + fall)) / (x * x);
+        x = max(x - (1.0 + fall / x - share) / slope, 0.5 * x);
+    }
+    return x;
 }
 
 // Area that soil of a cohesion is sheared on, so that it holds no more than the largest grip.

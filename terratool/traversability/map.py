@@ -122,19 +122,21 @@ def default_resolution(
     Raises:
         RequestError: the bounds are empty or miss the terrain; or `most` pixels are too few.
     """
-    finest = vehicle.wheel.radius / _WHEEL_PART
+    finest, of = vehicle.wheel.radius / _WHEEL_PART, "the wheel's radius"
+    if vehicle.tracks or vehicle.feet:
+        of = "the sprocket's radius" if vehicle.tracks else "a foot's step"
     if bounds is not None:
         check_bounds(bounds, terrain)
     west, south, east, north = clip_bounds(terrain, bounds)
     longest, shortest = max(east - west, north - south), min(east - west, north - south)
     if longest / finest <= most:
-        return min(finest, shortest), "a quarter of the wheel's radius"
+        return min(finest, shortest), f"a quarter of {of}"
     resolution, coarsest = longest / most, coarsest_resolution(vehicle)
     if resolution > coarsest:
         raise RequestError(
             f"The ground is {longest:.12g} m long, too long for the {most} pixels that a map has "
-            f"by default: they would be {resolution:.4g} m, and wheels of radius "
-            f"{vehicle.wheel.radius:g} m take at most {coarsest:.4g} m.",
+            f"by default: they would be {resolution:.4g} m, and {vehicle.size_words} m take at "
+            f"most {coarsest:.4g} m.",
             "Look at a part of it with --bounds W S E N, or choose the pixels with --resolution.",
         )
     return min(resolution, shortest), f"{most} pixels on the longer side"

@@ -181,7 +181,8 @@ class Figures:
     """Figures of a vehicle on level ground of a surface, and the slopes and steps that it takes.
 
     Numbers are None where they mean nothing (a rigid surface has no contact area), or cannot be
-    known (`missing` says what the surface lacks). Forces are those of the wheel that bears most.
+    known (`missing` says what the surface lacks). Forces are those of the wheel that bears most,
+    of a track, or of a foot as it walks.
 
     Attributes:
         surface: name of the surface.
@@ -206,6 +207,7 @@ class Figures:
         thrust: thrust at the largest torque and slip allowed, N.
         resistance: resistance at the largest torque and slip allowed, N.
         drawbar: drawbar pull at the largest torque and slip allowed, N.
+        bearing: load that the soil bears on a foot, N; None for wheels, tracks and rigid ground.
         torque: torque needed on the level, N m.
         utilisation: share of the soil's strength used on the level.
         slip: slip on the level; None where it is not known.
@@ -253,6 +255,7 @@ class Figures:
     thrust: float | None = None
     resistance: float | None = None
     drawbar: float | None = None
+    bearing: float | None = None
     torque: float | None = None
     utilisation: float | None = None
     slip: float | None = None

@@ -22,9 +22,10 @@ if TYPE_CHECKING:
 
 SECTIONS = 6
 """Number of sections of a track, each of which stands on one soil and has its own load."""
-MOST_GRIP = 1.2
-"""Largest strength of the ground under a track, in loads: an assumption. On stiff clay the whole
-area times the cohesion would be many times the load, and no track presses into such clay."""
+MOST_GRIP = 1.16
+"""Largest strength of the ground under a track, in loads: the most that the rule for measured
+wheels gives anywhere. On stiff clay the area times the cohesion would be many times the load, and
+no track presses into such clay: an assumption."""
 
 _ANGLES = 91
 """Number of places on the belt that are looked at while it climbs a step."""

@@ -47,14 +47,14 @@ def turn_on_spot(vehicle: Vehicle, soil: Soil) -> Turning:
     """Turn a vehicle on the spot, on level ground of one soil.
 
     A vehicle that skids: the treads of its left and right wheels run against each other at one
-    speed. The grip of a wheel, S = c b l + W tan φ, acts against the direction in which its contact
-    slides, and its share A is mobilised by the sliding x = (sliding/tread speed) l/K. With
+    speed. The grip of a wheel, S = C + W μ, acts against the direction in which its contact
+    slides, and its share A is mobilised by the sliding x = (sliding/tread speed) X. With
     a push F and a force H sideways, F² + H² = (A S)²: one circle of friction. The slip of the
     treads is the least with which Σ F y = Σ H |x − c| + Σ R y, c the place where Σ H is in balance.
     A motor that is too weak lets its wheel push less. On rigid ground with two axles and equal
     loads that is Σ H |x − c| = (μ W L/2) B/√(B² + L²) and a slip of L²/(B² + L²).
 
-    Wheels that are turned into their ways only roll: Σ R √(x² + y²) about the middle.
+    Feet are lifted and set anew, and have neither. Wheels that are turned into their ways only roll: Σ R √(x² + y²) about the middle.
 
     Returns:
         The turning by a radian; a wheel by itself turns without resistance.
@@ -62,7 +62,7 @@ def turn_on_spot(vehicle: Vehicle, soil: Soil) -> Turning:
     if vehicle.is_single:
         return Turning()
     layout, loads = wheel_layout(vehicle), wheel_loads(vehicle)
-    if vehicle.steering == "wheels":
+    if vehicle.steering == "wheels" or vehicle.feet:
         away = np.hypot(layout.x - vehicle.middle, layout.y)
         factors = soil.factors or (1.0,) * len(loads)
         rolling = [
