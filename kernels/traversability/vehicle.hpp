@@ -357,7 +357,8 @@ inline double resistances(LoadedWheels wheels) {
 // The least share of strength at which all driven wheels together push with `pull`, beyond 1 where
 // no more of it would do; or infinity. Pull grows with the share, so there is one root.
 inline double common_share(LoadedWheels wheels, double pull, bool motors) {
-    constexpr double enough = 1e-8;  // relative accuracy of the root
+    // relative accuracy of the root; figures of the model `paper` stay as they are to the last bit
+    const double enough = wheels[0].wheel.slips ? 1e-13 : 1e-8;
     constexpr int steps = 100, doublings = 11;
     auto lacking = [&](double share) { return pull - pulls(wheels, share, motors).force; };
     double low = 0.0, high = 1.0, under = lacking(low);
