@@ -211,6 +211,11 @@ def _moments(
     ]  # fmt: skip
     steep = np.concatenate([upper, np.full_like(rise, start), lower, np.zeros_like(flat)])
     x, z = np.concatenate(x) + length, np.concatenate(z)
+    touch = [float(np.interp(height, z[::-1], of[::-1])) for of in (x, steep)]  # at first
+    x, z, steep = (
+        np.concatenate([[first], of])
+        for first, of in ((touch[0], x), (height, z), (touch[1], steep))
+    )
     reached = (z <= height) & (np.hypot(x, z) > height)
     x, z, steep = x[reached], z[reached], steep[reached]
     tilt = np.arcsin(height / np.hypot(x, z)) - np.arctan2(z, x)
