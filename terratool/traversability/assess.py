@@ -24,7 +24,7 @@ from terratool.report.wording import join_words
 from terratool.tasks import thread_count
 from terratool.text.display import quote
 from terratool.traversability.map import MapBuilder, begin_of, default_resolution, stream_map
-from terratool.traversability.map_files import MapFiles, refuse_map
+from terratool.traversability.map_files import MapFiles, further_bands, refuse_map
 from terratool.traversability.ranges import SAMPLES, Draws, draw, level_chances, soil_samples
 from terratool.traversability.results import (
     FINER_HEADINGS,
@@ -51,7 +51,7 @@ from terratool.traversability.route.routes import (
     route_grid,
     with_way_back,
 )
-from terratool.traversability.soil import ASSUMPTIONS, BY_MODEL, surface_figures, turnings
+from terratool.traversability.soil import assumptions_of, surface_figures, turnings
 from terratool.traversability.survey import Surveyor, parts_of, refuse_headings
 from terratool.traversability.tiles import SurveyTiles, part_of, survey_window
 from terratool.traversability.vehicle import Vehicle
@@ -236,7 +236,8 @@ def prepare_assessment(
     draws = draw(terrain, request.samples, request.seed)
     grid, routes, headings, notes = _grids(terrain, vehicle, request, map_path is not None)
     if map_path is not None:
-        refuse_map(terrain, grid, draws is not None, Path(map_path), overwrite)
+        further = further_bands(vehicle.feet is not None, draws is not None)
+        refuse_map(terrain, grid, further, Path(map_path), overwrite)
     samples = None if draws is None else soil_samples(terrain, vehicle, draws)
     surveyor, shared = Surveyor(terrain, vehicle, grid, headings, samples), routes == grid
     builder = ways = None
@@ -462,8 +463,7 @@ def assess(
         reach=mapped.reach if mapped else None,
         preview=mapped.preview if mapped else None,
         assumptions=(
-            *BY_MODEL[vehicle.model],
-            *ASSUMPTIONS,
+            *assumptions_of(vehicle),
             _MAP,
             *((_ROUTE,) if request.routes else ()),
         ),
@@ -500,7 +500,7 @@ def _judge_map(
     threads, files = thread_count(prepared.request.threads), None
     if map_path is not None:
         files = MapFiles(
-            stack, terrain, builder.grid, builder.sampled, Path(map_path), overwrite, threads
+            stack, terrain, builder.grid, builder.further, Path(map_path), overwrite, threads
         )
     with crew_of(prepared.request.dask, threads) as crew:
         if prepared.shares_survey:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 _COHESIVE, _WEIGHING = 1.3, 0.6
-"""Shape factors of a circle for cohesion and weight (Terzaghi, Theoretical Soil Mechanics, 1943)."""
+"""Terzaghi's shape factors of a circle for cohesion and weight, 1943."""
 
 
 class BearingFactors(NamedTuple):

@@ -24,7 +24,7 @@ from terratool.traversability.vehicle import Soil, Vehicle, Wheel
 ROUGH_FOOTHOLD = 0.25
 """Largest distance of ground from the plane under a foot, in diameters: an assumption."""
 
-ASSUMPTIONS = {
+GEAR_ASSUMPTIONS = {
     "tracks": (
         "Rigid, flat tracks: pressure is linear along them, and sinkage and compaction are "
         "Bekker's (1969); slip mobilises strength by a mean along a track (Janosi and Hanamoto "
@@ -65,7 +65,7 @@ def rate_factor(vehicle: Vehicle) -> float:
 def unit_weight_of(surface: Surface) -> float:
     """Weight of a volume of a surface's soil, N/m³."""
     own = property_of(surface, "unit_weight")
-    return 1e3 * (default_of(Surface, "unitWeight") if own is UNSET else own)
+    return float(1e3 * (default_of(Surface, "unitWeight") if own is UNSET else own))
 
 
 def foot_load(vehicle: Vehicle) -> float:
@@ -81,6 +81,14 @@ def foot_bears(vehicle: Vehicle, surface: Surface, soil: Soil) -> float:
         return math.inf
     weight = unit_weight_of(surface)
     return float(bearing_load(soil.cohesion, soil.friction, weight, vehicle.feet.diameter))
+
+
+def foot_share(vehicle: Vehicle, surface: Surface, soil: Soil) -> float:
+    """Share of what a surface bears that a foot loads it with; 0 for wheels and tracks."""
+    if not vehicle.feet:
+        return 0.0
+    bears = foot_bears(vehicle, surface, soil)
+    return foot_load(vehicle) / bears if bears > 0.0 else math.inf
 
 
 def foot_friction(vehicle: Vehicle, soil: Soil) -> float:
@@ -99,7 +107,7 @@ def track_friction(vehicle: Vehicle, soil: Soil, slip: float) -> float:
     tangent = math.tan(soil.friction)
     share = float(mobilised_mean(tracks.length, soil.shear_modulus, slip))
     held = thrust(weight, 2.0 * tracks.length * tracks.width, soil.cohesion, tangent, share)
-    return min(held / weight, max(MOST_GRIP, tangent) * share)
+    return float(min(held / weight, max(MOST_GRIP, tangent) * share))
 
 
 def gear_figures(vehicle: Vehicle, surface: Surface, soil: Soil, slip: float) -> dict[str, Any]:

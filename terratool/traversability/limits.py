@@ -52,10 +52,8 @@ class WheelArrays(NamedTuple):
         """Gather the attributes of wheels, in their order."""
         *members, slips, gear = cls._fields
         rows = [[getattr(wheel, name) for name in members] for wheel in wheels]
-        first = wheels[0]
-        return cls(
-            *np.array(rows, np.float64).T.copy(), getattr(first, slips), getattr(first, gear)
-        )
+        same = (getattr(wheels[0], name) for name in (slips, gear))
+        return cls(*np.array(rows, np.float64).T.copy(), *same)
 
 
 class TrackPair(NamedTuple):
@@ -100,7 +98,7 @@ class WheelLayout:
     shares: NDArray[np.float64]
     edges: NDArray[np.float64]
     wheels: WheelArrays
-    tracks: TrackPair = TrackPair()
+    tracks: TrackPair
 
 
 def wheel_layout(vehicle: Vehicle) -> WheelLayout:
@@ -373,14 +371,18 @@ def level_demand(vehicle: Vehicle, soil: Soil) -> SlopeDemand:
     return slope_demand(vehicle, soil)
 
 
-def judge_level(vehicle: Vehicle, need: SlopeDemand) -> Judgement:
-    """Judge a demand on level ground: traction, slip, torque, sinkage, and the body's clearance."""
+def judge_level(vehicle: Vehicle, need: SlopeDemand, loaded: float = 0.0) -> Judgement:
+    """Judge a demand on level ground: traction, slip, torque, sinkage, and the body's clearance.
+
+    `loaded` is the share of what the soil bears that a foot loads it with.
+    """
     limits, slip = vehicle.thresholds, slip_limit(vehicle)
     measures = [
         Measure(Reason.TRACTION, need.utilisation, limits.utilisation, True),
         Measure(Reason.SLIP, need.slip / slip, limits.slip / slip, True),
         Measure(Reason.TORQUE, need.torque_used, limits.torque),
         Measure(Reason.SINKAGE, need.depth, limits.geometry, True),
+        Measure(Reason.FOOTHOLD, loaded, limits.geometry, True),
     ]
     if math.isfinite(vehicle.clearance):
         share = share_of(need.sinkage, vehicle.clearance - vehicle.margins.clearance)

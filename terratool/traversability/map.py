@@ -20,7 +20,7 @@ from terratool.kernels import traversability as kernels
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, window_name
 from terratool.raster.painter import id_type
 from terratool.tasks import Work
-from terratool.traversability.map_files import MapBands, MapFiles, empty_bands
+from terratool.traversability.map_files import MapBands, MapFiles, empty_bands, further_bands
 from terratool.traversability.results import (
     CHANCE_BOUNDS,
     RANKS,
@@ -97,6 +97,8 @@ def map_bands(measures: WindowMeasures, inside: NDArray[np.bool_]) -> MapBands:
     reserve_band = numbers[-1]
     reserve_band[reserve_band >= np.float32(math.pi)] = np.nan
     np.degrees(reserve_band, out=reserve_band)
+    if measures.foothold is not None:
+        numbers = np.concatenate([numbers, (1.0 - measures.foothold)[None]])
     if measures.chance is not None:
         known = verdict != Verdict.UNKNOWN
         numbers = np.concatenate([numbers, np.where(known, measures.chance, np.nan)[None]])
@@ -215,7 +217,8 @@ class MapBuilder:
         self._surveyor = surveyor
         self.terrain, self.grid, self.headings = terrain, grid, surveyor.headings
         self.sampled = surveyor.samples is not None
-        self.kept = empty_bands(flat, self.sampled) if keep else None
+        self.further = further_bands(surveyor.vehicle.feet is not None, self.sampled)
+        self.kept = empty_bands(flat, self.further) if keep else None
         self.chance = np.full(flat, np.nan, np.float32) if self.sampled else None
         self.reason = np.zeros(flat, np.uint8)
         self.verdict, self.worst = np.zeros((2, *flat), np.uint8)
@@ -385,7 +388,7 @@ def stream_map(
     work = Work(_judge_tile, surveyor, name=window_name)
     with contextlib.closing(crew.run(work, tiles)) as judged:
         for window, found in zip(tiles, judged, strict=True):
-            whole = empty_bands((window.height, window.width), builder.sampled)
+            whole = empty_bands((window.height, window.width), builder.further)
             for inner, parts in found:
                 builder.add(inner, parts)
                 local = Window(

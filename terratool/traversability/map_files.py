@@ -51,18 +51,22 @@ _NUMBERS = {
 }
 NUMBERS = Bands(tuple(_NUMBERS), tuple(_NUMBERS.values()), np.dtype(np.float32))
 """Slopes are positive nose up and left side up."""
-CHANCES = Bands(
-    (*NUMBERS.names, "probability of go, best heading"), (*NUMBERS.units, "1"), NUMBERS.dtype
-)
-"""Bands of the file `-numbers` where figures of soils are ranges: `NUMBERS` and a probability."""
+FOOTHOLD, CHANCE = "foothold margin", "probability of go, best heading"
+"""Bands that follow `NUMBERS`: of vehicles on feet, and where figures of soils are ranges."""
 
 _SUFFIXES = ("", "-classes", "-numbers")
 """Endings of the stems of a map's files, in the order of `_files`."""
 
 
-def _files(sampled: bool) -> tuple[Bands, ...]:
-    """Bands of each file of a map, for soils that are `sampled` or not."""
-    return VERDICT, CLASSES, CHANCES if sampled else NUMBERS
+def _files(further: Sequence[str]) -> tuple[Bands, ...]:
+    """Bands of each file of a map, with the names of what follows `NUMBERS`."""
+    units = (*NUMBERS.units, *("1" for _ in further))
+    return VERDICT, CLASSES, Bands((*NUMBERS.names, *further), units, NUMBERS.dtype)
+
+
+def further_bands(walks: bool, sampled: bool) -> tuple[str, ...]:
+    """Names of bands that follow `NUMBERS`, for a vehicle that `walks`, and `sampled` soils."""
+    return (FOOTHOLD,) * walks + (CHANCE,) * sampled
 
 
 class MapBands(NamedTuple):
@@ -71,7 +75,8 @@ class MapBands(NamedTuple):
     Attributes:
         verdict: uint8 `Verdict`, from which `VERDICT` follows once connected ground is known.
         classes: uint8 bands of `CLASSES`.
-        numbers: float32 bands of `NUMBERS` or `CHANCES`; NaN where a number is unknown or infinite.
+        numbers: float32 bands of `NUMBERS` and what follows them; NaN where a number is unknown or
+            infinite.
     """
 
     verdict: NDArray[Any]
@@ -79,9 +84,9 @@ class MapBands(NamedTuple):
     numbers: NDArray[Any]
 
 
-def empty_bands(flat: tuple[int, int], sampled: bool) -> MapBands:
-    """Uninitialised bands of a (height, width) window, for soils that are `sampled` or not."""
-    return MapBands(*(np.empty((file.count, *flat), file.dtype) for file in _files(sampled)))
+def empty_bands(flat: tuple[int, int], further: Sequence[str]) -> MapBands:
+    """Uninitialised bands of a (height, width) window, with those that follow `NUMBERS`."""
+    return MapBands(*(np.empty((file.count, *flat), file.dtype) for file in _files(further)))
 
 
 def map_paths(path: str | Path) -> list[Path]:
@@ -97,7 +102,7 @@ class MapFiles:
         stack: exit stack at whose end, unless it fails, the files take their places.
         terrain: the ground.
         grid: pixels of the map.
-        sampled: whether pixels have a probability of go.
+        further: names of the bands that follow `NUMBERS`.
         path: path of the verdicts, a .tif.
         overwrite: whether the files may exist already.
         threads: number of threads that compress.
@@ -109,10 +114,10 @@ class MapFiles:
     """
 
     def __init__(
-        self, stack: contextlib.ExitStack, terrain: Terrain, grid: Grid, sampled: bool,
+        self, stack: contextlib.ExitStack, terrain: Terrain, grid: Grid, further: Sequence[str],
         path: Path, overwrite: bool, threads: int,
     ) -> None:  # fmt: skip
-        refuse_map(terrain, grid, sampled, path, overwrite)
+        refuse_map(terrain, grid, further, path, overwrite)
         self._grid, extent = grid, RasterExtent(terrain, grid)
         parts = [
             stack.enter_context(whole_file(name, overwrite, COMPANIONS, named=name == path))
@@ -120,9 +125,9 @@ class MapFiles:
         ]
         self._files = [
             stack.enter_context(_cog(part, extent, bands, threads))
-            for part, bands in zip(parts, _files(sampled), strict=True)
+            for part, bands in zip(parts, _files(further), strict=True)
         ]
-        self._statistics = [BandStatistics()] * _files(sampled)[-1].count
+        self._statistics = [BandStatistics()] * _files(further)[-1].count
 
     def write(self, window: Window, bands: MapBands) -> None:
         """Write the classes and numbers of a window; windows come in order, row by row."""
@@ -139,7 +144,9 @@ class MapFiles:
         self._files[-1].finish(self._statistics)
 
 
-def refuse_map(terrain: Terrain, grid: Grid, sampled: bool, path: Path, overwrite: bool) -> None:
+def refuse_map(
+    terrain: Terrain, grid: Grid, further: Sequence[str], path: Path, overwrite: bool
+) -> None:
     """Refuse a map that cannot be written.
 
     Raises:
@@ -152,17 +159,17 @@ def refuse_map(terrain: Terrain, grid: Grid, sampled: bool, path: Path, overwrit
     for name in map_paths(path):
         refuse_existing(name, overwrite, COMPANIONS)
     crs_of(terrain)
-    refuse_full_disk(path, grid, _files(sampled), raster_format(path, cog=True))
+    refuse_full_disk(path, grid, _files(further), raster_format(path, cog=True))
 
 
-def refuse_full_disk_of_maps(grids: Sequence[Grid], path: Path, sampled: bool) -> None:
+def refuse_full_disk_of_maps(grids: Sequence[Grid], path: Path, further: Sequence[str]) -> None:
     """Refuse maps that do not all fit on the disk together; `path` is in their folder.
 
     Raises:
         WriteError: the maps do not fit.
     """
     largest = max(grids, key=lambda grid: grid.width * grid.height)
-    refuse_full_disk(path, largest, _files(sampled) * len(grids), raster_format(path, cog=True))
+    refuse_full_disk(path, largest, _files(further) * len(grids), raster_format(path, cog=True))
 
 
 @contextlib.contextmanager

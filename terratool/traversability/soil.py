@@ -16,7 +16,9 @@ from terratool.field.terrain import Terrain
 from terratool.text.display import quote
 from terratool.traversability import wheel as wheels
 from terratool.traversability.gear import (
+    GEAR_ASSUMPTIONS,
     flat_sinkage,
+    foot_share,
     gear_figures,
     rate_factor,
     track_friction,
@@ -53,7 +55,8 @@ ASSUMPTIONS = (
     "A step is rigid and holds as its surface does in a climb; while an axle climbs it, motors "
     "give what holds the vehicle best.",
 )
-"""Assumptions of every report, in sentences."""
+"""Assumptions of reports on wheels, in sentences; the first `_OF_ALL` are those of all reports."""
+_OF_ALL = 2
 
 BY_MODEL = {
     "slip": (
@@ -75,6 +78,13 @@ BY_MODEL = {
     ),
 }
 """Assumptions of each model of wheel and soil, in sentences."""
+
+
+def assumptions_of(vehicle: Vehicle) -> tuple[str, ...]:
+    """Assumptions of what is computed of a vehicle, in sentences."""
+    if vehicle.gear == "wheels":
+        return (*BY_MODEL[vehicle.model], *ASSUMPTIONS)
+    return (*GEAR_ASSUMPTIONS[vehicle.gear], *ASSUMPTIONS[:_OF_ALL])
 
 
 CURVE_STEP = 0.5
@@ -103,7 +113,7 @@ def bekker_sinkage(preset: Preset, wheel: Wheel, load: Any) -> Numbers:
         The sinkage; of a section of a track, or of a foot, that of a plate.
     """
     if wheel.gear:
-        return flat_sinkage(preset, wheel, load)
+        return np.asarray(flat_sinkage(preset, wheel, load))[()]
     n = preset.exponent
     stiffness = (3.0 - n) * (preset.cohesive + wheel.width * preset.frictional)
     kilonewtons = np.asarray(load, np.float64) * 1e-3
@@ -261,7 +271,7 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     contact = wheels.contact(load, soil, wheel)
     best = wheels.traction(load, soil, wheel, slip_limit(vehicle))
     need = level_demand(vehicle, soil)
-    verdict, reason, _ = judge_level(vehicle, need)
+    verdict, reason, _ = judge_level(vehicle, need, foot_share(vehicle, surface, soil))
     to_side, backwards, _ = tip_over(vehicle)
     margin = slope_margin(vehicle, soil)
     up, up_limit = largest_slope(
@@ -327,9 +337,9 @@ def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
         return found
     # what belongs to a wheel is none of theirs
     own = gear_figures(vehicle, surface, soil, slip_limit(vehicle))
-    none = dict.fromkeys(_OF_WHEELS, None)
+    none: dict[str, Any] = dict.fromkeys(_OF_WHEELS)
     if vehicle.feet:
-        none |= dict.fromkeys(("torque", "limit_torque"), None)
+        none |= dict.fromkeys(("torque", "limit_torque"))
     return replace(found, gap=vehicle.bridges, **(none | own))
 
 

@@ -271,7 +271,7 @@ _LARGE = 100.0
 def _flat_tread(
     vehicle: Vehicle, resolution: float, apart: float, direction: tuple[float, float]
 ) -> Tread:
-    """The tread of tracks, a line of pixels across them, or of feet; what meets steps, and where."""
+    """The tread of tracks, a line of pixels across them, or of feet, and what meets steps."""
     half, tracks = 0.5 * vehicle.wheelbase, vehicle.tracks
     line = 0.5 * resolution * (abs(direction[0]) + abs(direction[1]))
     side, radius = max(0.5 * vehicle.wheel.width, line - _NEAR), vehicle.wheel.width
@@ -283,7 +283,8 @@ def _flat_tread(
     bridge = FootprintRectangle.of(-long, long, side, resolution, direction)
     ends = np.array([[half, 0.5 * vehicle.track_width], [half, -0.5 * vehicle.track_width]])
     if not tracks:
-        ends = np.array([[axle.x - vehicle.middle, y] for axle in vehicle.axles for y in ends[:, 1]])
+        xs = [axle.x - vehicle.middle for axle in vehicle.axles]
+        ends = np.array([[x, y] for x in xs for y in ends[:, 1]])
     east, north = _rotate(ends, direction)
     strip, _ = _rectangle(0.0, ahead, side, resolution, direction)
     places = _nearest(np.column_stack([-north, east]) / resolution)
@@ -293,9 +294,7 @@ def _flat_tread(
     return Tread(radius, flat, lift, lane, bridge)
 
 
-def _belt_places(
-    vehicle: Vehicle, resolution: float, direction: tuple[float, float]
-) -> BeltPlaces:
+def _belt_places(vehicle: Vehicle, resolution: float, direction: tuple[float, float]) -> BeltPlaces:
     """Places of pixels along both tracks, with their ends."""
     half = 0.5 * vehicle.wheelbase
     along = np.linspace(-half, half, math.ceil(2.0 * half / resolution) + 1)
@@ -305,12 +304,10 @@ def _belt_places(
         places = np.unique(_nearest(np.column_stack([-north, east]) / resolution), axis=0)
         found.append(places)
     offsets = np.concatenate(found)
-    north, east = -offsets[:, 0] * resolution, offsets[:, 1] * resolution
-    ahead = east * direction[0] + north * direction[1]
-    left = north * direction[0] - east * direction[1]
-    return BeltPlaces(
-        offsets, np.column_stack([ahead, left]).astype(np.float32), len(found[0])
-    )
+    shifts = offsets * (-resolution, resolution)
+    ahead = shifts @ (direction[1], direction[0])
+    left = shifts @ (direction[0], -direction[1])
+    return BeltPlaces(offsets, np.column_stack([ahead, left]).astype(np.float32), len(found[0]))
 
 
 def reach_offsets(reach: float, resolution: float) -> Offsets:
@@ -318,8 +315,9 @@ def reach_offsets(reach: float, resolution: float) -> Offsets:
     offsets, _ = _rectangle(-reach, reach, reach, resolution, (0.0, 1.0))
     far = np.hypot(*offsets.T) * resolution
     inside = far <= reach + _NEAR
-    order = np.lexsort([offsets[inside][:, 1], offsets[inside][:, 0], far[inside]])
-    return offsets[inside][order]
+    near: Offsets = offsets[inside]
+    order = np.lexsort([near[:, 1], near[:, 0], far[inside]])
+    return near[order]
 
 
 def _tread(

@@ -14,7 +14,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window
-from terratool.traversability.gear import ROUGH_FOOTHOLD, foot_bears, foot_friction, foot_load
+from terratool.traversability.gear import ROUGH_FOOTHOLD, foot_friction, foot_share
 from terratool.traversability.limits import (
     WheelLayout,
     slip_limit,
@@ -97,6 +97,13 @@ class VehicleParams(NamedTuple):
     factors: NDArray[np.float64]
 
 
+def _roughest(vehicle: Vehicle) -> float:
+    """Largest roughness, m; tracks bridge what is rough, and feet have footholds: infinity."""
+    if vehicle.gear != "wheels":
+        return math.inf
+    return ROUGH * min(vehicle.smallest_radius, vehicle.clearance)
+
+
 def vehicle_params(vehicle: Vehicle, factors: NDArray[np.float64] | None = None) -> VehicleParams:
     """Parameters of a vehicle for the kernels, with factors of k by soil and wheel, 1 if None."""
     wheels = wheel_layout(vehicle)
@@ -111,7 +118,7 @@ def vehicle_params(vehicle: Vehicle, factors: NDArray[np.float64] | None = None)
         clearance=vehicle.clearance - margins.clearance,
         front=vehicle.front.height - margins.clearance,
         rear=vehicle.rear.height - margins.clearance,
-        roughness=ROUGH * min(vehicle.smallest_radius, vehicle.clearance),
+        roughness=_roughest(vehicle),
         go_traction=limits.utilisation, go_slip=limits.slip / slip,
         go_torque=limits.torque, go_geometry=limits.geometry,
         factors=np.empty((0, len(wheels.x))) if factors is None else factors,
@@ -372,6 +379,28 @@ class Surveyor:
             overhang, sweep.own_footholds, None if go is None else self._shares(go),
         )  # fmt: skip
 
+    def footholds(self) -> NDArray[np.float32]:
+        """Largest share of its limits that a foot at each pixel of the grid takes.
+
+        Returns:
+            (height, width) float32; infinity for no foothold, or no ground.
+
+        Raises:
+            RequestError: the vehicle has no feet.
+        """
+        if self._footholds is None:
+            raise RequestError(
+                f"Footholds are those of feet, and the vehicle stands on {self.vehicle.gear}.",
+                "Name a vehicle with feet, such as samples/vehicles/unitree-b2.json.",
+            )
+        out = np.empty((self.grid.height, self.grid.width), np.float32)
+        for window in self.windows(self.grid.whole):
+            found = self._sweep_of(window).own_footholds
+            assert found is not None
+            rows = slice(window.row, window.row + window.height)
+            out[rows, window.column : window.column + window.width] = found
+        return out
+
     def samples_passing(
         self, window: Window, headings: Collection[int]
     ) -> NDArray[np.uint64] | None:
@@ -560,8 +589,7 @@ def foothold_search(terrain: Terrain, vehicle: Vehicle, resolution: float) -> Fo
     known = soils(terrain, vehicle)
     for soil, surface in zip(known[1:], terrain.surface_types.values(), strict=True):
         grip.append(math.inf if soil is None else foot_friction(vehicle, soil))
-        bears = math.inf if soil is None else foot_bears(vehicle, surface, soil)
-        load.append(foot_load(vehicle) / bears if bears > 0.0 else math.inf)
+        load.append(0.0 if soil is None else foot_share(vehicle, surface, soil))
     patch = reach_offsets(max(0.5 * feet.diameter, resolution), resolution)
     limits = FootholdLimits(
         ROUGH_FOOTHOLD * feet.diameter, np.array(grip), np.array(load),
@@ -645,9 +673,7 @@ class _Sweep:
         ground = self._ground
         rated, height, share = np.empty((3, *ground.heights.shape), np.float32)
         kernels.rate_footholds(ground.heights, ground.surfaces, search.limits, rated)
-        kernels.choose_footholds(
-            ground.heights, rated, search.reach, search.enough, height, share
-        )
+        kernels.choose_footholds(ground.heights, rated, search.reach, search.enough, height, share)
         self._feet = height, self._to_phases(height), self._to_phases(share)
         self.own_footholds = self._at(self._to_phases(rated), np.zeros(2, np.int64))
 
@@ -792,9 +818,9 @@ class _Sweep:
                 kernels.supports(self._ground.heights, bridge.offsets, lift, plane)
                 strides += math.ceil(bridge.end / resolution)
                 gaps = gaps._replace(width=np.full_like(gaps.width, np.inf))
-            gaps = GapsOfWheels(*gaps, tread.radius, resolution)
+            trenches = GapsOfWheels(*gaps, tread.radius, resolution)
             kernels.raise_steps(
-                plane, self._ground.pairs, met.jumps, gaps, *footprint.direction, strides, steps
+                plane, self._ground.pairs, met.jumps, trenches, *footprint.direction, strides, steps
             )
             found.append(self._to_phases(steps))
         return found

@@ -50,9 +50,7 @@ def plate_sinkage(preset: Preset, pressure: Any, width: float) -> Any:
     return (np.asarray(pressure, np.float64) / stiffness) ** (1.0 / preset.exponent)
 
 
-def compaction_resistance(
-    load: Any, sinkage: Any, length: float, exponent: float
-) -> Any:
+def compaction_resistance(load: Any, sinkage: Any, length: float, exponent: float) -> Any:
     """Resistance Rc = 2 b (kc/b + kφ) z^(n + 1)/(n + 1) of two tracks, N (Bekker 1969).
 
     The pressure p is (kc/b + kφ) zⁿ, so that Rc = W z/(L (n + 1)): the work of pressing soil down.
@@ -72,9 +70,7 @@ def mobilised_mean(length: Any, modulus: Any, slip: Any) -> Any:
     return np.where(np.asarray(modulus) > 0.0, share, 1.0)[()]
 
 
-def thrust(
-    load: Any, area: float, cohesion: Any, tan_friction: Any, share: Any
-) -> Any:
+def thrust(load: Any, area: float, cohesion: Any, tan_friction: Any, share: Any) -> Any:
     """Thrust F = (A c + W tan φ) · share, N, of tracks that touch an area A, m² (Wong)."""
     return (area * cohesion + load * tan_friction) * share
 
@@ -175,7 +171,7 @@ def _binding(outline: TrackOutline, height: float, friction: float, most: float)
     """What keeps tracks from climbing a step, in words; empty where nothing does."""
     angle, arm, lever, passed = _moments(outline, height)
     # up to the place where the centre of gravity is above the edge
-    needed = np.cumsum(passed) - passed == 0
+    needed: NDArray[np.bool_] = np.cumsum(passed) - passed == 0
     lever = np.minimum(lever, arm)
     tips = (lever <= 0.0) & needed
     if tips.any() or not passed.any():
@@ -204,13 +200,13 @@ def _moments(
     upper, lower = np.linspace(0.5 * math.pi, start, _ANGLES), np.linspace(start, 0.0, _ANGLES)
     rise, flat = np.linspace(1.0, 0.0, _ANGLES), np.linspace(0.0, -length, 4 * _ANGLES)[:-1]
     bend = radius * math.sin(start), radius * (1.0 - math.cos(start))
-    x = [ahead + radius * np.sin(upper), bend[0] + ahead * rise, radius * np.sin(lower), flat]
-    z = [
+    along = [ahead + radius * np.sin(upper), bend[0] + ahead * rise, radius * np.sin(lower), flat]
+    above = [
         risen + radius * (1.0 - np.cos(upper)), bend[1] + risen * rise,
         radius * (1.0 - np.cos(lower)), np.zeros_like(flat),
     ]  # fmt: skip
     steep = np.concatenate([upper, np.full_like(rise, start), lower, np.zeros_like(flat)])
-    x, z = np.concatenate(x) + length, np.concatenate(z)
+    x, z = np.concatenate(along) + length, np.concatenate(above)
     touch = [float(np.interp(height, z[::-1], of[::-1])) for of in (x, steep)]  # at first
     x, z, steep = (
         np.concatenate([[first], of])
@@ -243,7 +239,12 @@ def _holds(
     t1 = n2 * sine - t2 * cosine
     n1 = np.stack([np.ones_like(a), np.zeros_like(a)]) - n2 * cosine - t2 * sine
     rows = [
-        n1, n2, friction * n2 - t2, friction * n2 + t2, friction * n1 - t1, friction * n1 + t1,
+        n1,
+        n2,
+        friction * n2 - t2,
+        friction * n2 + t2,
+        friction * n1 - t1,
+        friction * n1 + t1,
     ]
     if math.isfinite(most):
         rows.append(np.stack([np.full_like(a, most), np.zeros_like(a)]) - t1 - t2)

@@ -20,7 +20,7 @@ from terratool.definition.vehicle import (
     VehicleText,
     WheelsText,
 )
-from terratool.errors import DefinitionError
+from terratool.errors import DefinitionError, RequestError
 from terratool.kernels import traversability as kernels
 from terratool.report.wording import count_of
 from terratool.text.display import printable
@@ -323,7 +323,17 @@ class Vehicle:
         return MODELS[0] if self.wheel.slips else MODELS[1]
 
     def by_model(self, model: str) -> Vehicle:
-        """Return a copy of the vehicle that is computed with one of `MODELS`."""
+        """Return a copy of the vehicle that is computed with one of `MODELS`.
+
+        Raises:
+            RequestError: the model is `paper`, and the vehicle stands on tracks or feet.
+        """
+        if model != MODELS[0] and self.gear != "wheels":
+            raise RequestError(
+                f"The model {model} has formulas of wheels alone, and the vehicle stands on "
+                f"{self.gear}.",
+                f"Take --model {MODELS[0]}, or a vehicle on wheels.",
+            )
         slips = model == MODELS[0]
         axles = (
             replace(axle, wheel=replace(axle.wheel, slips=slips)) if axle.wheel else axle
@@ -443,11 +453,11 @@ def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
     """Convert a vehicle's text without errors to SI units; `name` is for reports."""
     tracks = None if text.tracks is UNSET else _tracks_of(text.tracks)
     feet = None if text.feet is UNSET else _feet_of(text.feet)
-    if tracks is not None:
+    if text.tracks is not UNSET and tracks is not None:
         common = _section_of(tracks, _set_members(text.tracks).get("max_slip", 1.0))
         half = 0.5 * (tracks.length - tracks.section)
         xs = [half - tracks.section * place for place in range(SECTIONS)]
-    elif feet is not None:
+    elif text.feet is not UNSET and feet is not None:
         pairs = _set_members(text.feet).get("pairs", 2)
         common, length = _foot_of(feet, pairs), text.ends[0] - text.ends[1]
         xs = [length * (0.5 - place / (pairs - 1)) for place in range(pairs)]

@@ -215,7 +215,9 @@ class TestKernels:
         """A wide pair has the sum of the books, μ W L/4; a narrow one takes less by the circle."""
         soil = Soil.of(0.0, 35.0, 0.0)
         book = track.turning_moment(LOAD, LENGTH, math.tan(soil.friction))
-        assert turn_on_spot(tracked(apart=1e5, slip=1.0), soil).resistance == pytest.approx(book, rel=1e-3)
+        assert turn_on_spot(tracked(apart=1e5, slip=1.0), soil).resistance == pytest.approx(
+            book, rel=1e-3
+        )
         narrow = turn_on_spot(tracked(apart=0.5, slip=1.0), soil)
         assert 0.4 * book < narrow.resistance < 0.9 * book
         assert narrow.work > narrow.resistance and narrow.possible
@@ -276,4 +278,6 @@ class TestSteps:
         assert track.track_gap(0.4, 0.3) == 0.3
         found = surface_figures("c", Surface(preset="concrete"), tracked(cog=0.05))
         assert found.gap == pytest.approx(0.3)
-        assert found.step == pytest.approx(step_of(tracked(cog=0.05), math.tan(math.radians(36.9))).height)
+        assert found.step == pytest.approx(
+            step_of(tracked(cog=0.05), math.tan(math.radians(36.9))).height
+        )

@@ -141,8 +141,7 @@ def narrow_track(subject: VehicleSubject) -> Iterator[Remark]:
             "/track",
             f"{most} {what} of {quote(width)} m do not stand side by side in a track of "
             f"{quote(track)} m.",
-            "Give the width of one wheel, track or foot, and from middle to middle as "
-            '"track".',
+            'Give the width of one wheel, track or foot, and from middle to middle as "track".',
         )
 
 
@@ -234,7 +233,8 @@ def tips_over(subject: VehicleSubject) -> Iterator[Remark]:
         yield Remark(
             "/cog/x",
             f"the centre of gravity at {quote(vehicle.cog.x)} m is not between the "
-            f"{'axles' if gear == 'axles' else f'ends of the {gear}'} at {quote(front)} and {quote(rear)} m, so the vehicle tips over on level ground.",
+            f"{'axles' if gear == 'axles' else f'ends of the {gear}'} at {quote(front)} and "
+            f"{quote(rear)} m, so the vehicle tips over on level ground.",
             "Write it in the frame of the axles, in metres, positive ahead; tracks and feet have "
             "their middle at 0.",
         )
