@@ -24,8 +24,9 @@
 // soil (Potyondy, "Skin friction between various soils and construction materials", Géotechnique
 // 11, 1961); lugs shear soil on soil, far enough for its critical state (Bolton, "The strength and
 // dilatancy of sands", Géotechnique 36, 1986). θm is half of Bekker's entry angle (1969) at n = 1,
-// so that a towed wheel resists by his compaction. Where K is not known A = 1. docs/validation.md
-// compares the rule with wheels that were measured; tests/validation fits its constants.
+// so that a towed wheel resists by 4/3 of his compaction, as linear stresses make it. Where K is
+// not known A = 1. docs/validation.md compares the rule with wheels that were measured, and says
+// which of these sources could be opened; tests/validation fits its constants.
 //
 // l, the length that a wheel shears, does not depend on its sinkage, so that harder ground never
 // holds a wheel less.

@@ -67,7 +67,7 @@ MODELS = ("slip", "paper")
 """Models of wheel and soil; kernels/traversability/terramechanics.hpp explains them."""
 FLAT = 0.4
 """Least shear length of a wheel, in radii: the flat of a rim that gives by 2 % of its radius. An
-assumption; docs/validation.md compares other values."""
+assumption; docs/validation.md says what it is worth."""
 LUGS = 0.1
 """Default height of a lugged wheel's lugs, in radii: 25 mm on 0.25 m, as on the wheel of NASA's
 MGRU3."""
