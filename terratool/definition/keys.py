@@ -74,7 +74,7 @@ GEARS = ("wheels", "tracks", "feet")
 """Keys of a vehicle of which it has one: what it stands on."""
 ALTERNATIVES: dict[type, dict[tuple[str, ...], str]] = {
     VehicleText: {
-        GEARS: f'Add "wheels", {VEHICLE_KEYS[VehicleText]["wheels"].words}, "tracks" or "feet".',
+        GEARS: 'Add what it stands on: "wheels", "tracks" or "feet", an object.',
         ("axles", "wheelbase"): 'Add "axles", or "wheelbase" for two driven axles.',
     },
     CameraText: {

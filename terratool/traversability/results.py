@@ -207,7 +207,6 @@ class Figures:
         thrust: thrust at the largest torque and slip allowed, N.
         resistance: resistance at the largest torque and slip allowed, N.
         drawbar: drawbar pull at the largest torque and slip allowed, N.
-        bearing: load that the soil bears on a foot, N; None for wheels, tracks and rigid ground.
         torque: torque needed on the level, N m.
         utilisation: share of the soil's strength used on the level.
         slip: slip on the level; None where it is not known.
@@ -232,6 +231,7 @@ class Figures:
         turning_work: work of the wheels for a quarter turn, J; None where the vehicle cannot turn.
         turning_slip: slip of the treads in a turn; None where the vehicle cannot turn.
         turning_binding: measure that forbids turning.
+        bearing: load that the soil bears on a foot, N; None for wheels, tracks and rigid ground.
     """
 
     surface: str
@@ -255,7 +255,6 @@ class Figures:
     thrust: float | None = None
     resistance: float | None = None
     drawbar: float | None = None
-    bearing: float | None = None
     torque: float | None = None
     utilisation: float | None = None
     slip: float | None = None
@@ -276,6 +275,7 @@ class Figures:
     turning_work: float | None = None
     turning_slip: float | None = None
     turning_binding: Reason = Reason.NONE
+    bearing: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -149,10 +149,10 @@ def soil_of(name: str, surface: Surface, wheel: Wheel, load: float) -> Soil | No
         attribute: property_of(surface, attribute)
         for attribute in ("cohesion", "fric_angle", "sinkage", "shear_modulus")
     }
-    preset = preset_of(surface)
+    preset, exponent = preset_of(surface), 1.0
     if values["sinkage"] is UNSET and preset is not None:
         rate = float(bekker_sinkage(preset, wheel, load)) / load * 1e3 if load > 0.0 else 0.0
-        values["sinkage"] = rate
+        values["sinkage"], exponent = rate, preset.exponent
     numbers = {key: 0.0 if value is UNSET else value for key, value in values.items()}
     for key, number in numbers.items():
         if not number <= LARGEST:
@@ -160,7 +160,7 @@ def soil_of(name: str, surface: Surface, wheel: Wheel, load: float) -> Soil | No
                 f"The surface {name!r} has {key.replace('_', ' ')} {number:g}, which is too large.",
                 "Give the soil's figures in kPa, degrees, m/kN and m.",
             )
-    return Soil.of(*numbers.values())
+    return replace(Soil.of(*numbers.values()), exponent=exponent)
 
 
 def governing_wheel(vehicle: Vehicle) -> tuple[Wheel, float]:
@@ -199,7 +199,7 @@ def soil_under(name: str, surface: Surface, vehicle: Vehicle) -> Soil | None:
         return replace(soil, sinkage=soil.sinkage * rate_factor(vehicle))
     if soil is None or preset is None or not soil.sinkage > 0.0:
         return soil
-    soil, loads = replace(soil, exponent=preset.exponent), wheel_loads(vehicle).tolist()
+    loads = wheel_loads(vehicle).tolist()
     if len(sizes) < 2 and not (vehicle.tracks and max(loads) > min(loads) * (1.0 + _BELOW)):
         return soil
     factors = []

@@ -360,7 +360,8 @@ class Vehicle:
         """Widest gap that tracks or feet pass as if it were not there, m; 0 for wheels."""
         if self.tracks:
             return track_gap(*self._ends)
-        return 2.0 * self.feet.reach if self.feet else 0.0
+        # beside the gap all of a foot stands on ground
+        return max(2.0 * self.feet.reach - self.feet.diameter, 0.0) if self.feet else 0.0
 
     @property
     def _ends(self) -> tuple[float, float]:

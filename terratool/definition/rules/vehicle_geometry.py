@@ -107,18 +107,18 @@ def narrow_track(subject: VehicleSubject) -> Iterator[Remark]:
           "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
         }
 
-    Passes:
-
-        {
-          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5,
-          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
-        }
-
     Fails:
 
         {
           "mass": 50, "tracks": {"length": 0.7, "width": 0.6, "radius": 0.1},
           "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.08
+        }
+
+    Passes:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
         }
 
     To mend: look whether "width" is that of one wheel, and "track" the whole distance.
@@ -205,19 +205,19 @@ def tips_over(subject: VehicleSubject) -> Iterator[Remark]:
           "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
         }
 
+    Fails:
+
+        {
+          "mass": 50, "tracks": {"length": 0.7, "width": 0.15, "radius": 0.1},
+          "track": 0.55, "cog": {"x": 0.4, "height": 0.2}, "clearance": 0.08
+        }
+
     Passes:
 
         {
           "mass": 50, "wheels": {"radius": 0.16, "width": 0.11},
           "axles": [{"x": 0.5}, {"x": 0, "wheels": 1}],
           "track": 0.55, "cog": {"x": 0.3, "height": 0.2}, "clearance": 0.13
-        }
-
-    Fails:
-
-        {
-          "mass": 50, "tracks": {"length": 0.7, "width": 0.15, "radius": 0.1},
-          "track": 0.55, "cog": {"x": 0.4, "height": 0.2}, "clearance": 0.08
         }
 
     To mend: the x of "cog" is in the same frame as that of the axles; without "axles", it counts
