@@ -294,7 +294,7 @@ void bind_traversability(nb::module_ m) {
     );
     def<&choose_footholds>(
         m, "choose_footholds", "The best foothold within reach of every pixel.",
-        {"heights[h,w]", "shares[h,w]", "reach[k,2]", "enough", "height[h,w]", "share[h,w]"}
+        {"heights[h,w]", "shares[h,w]", "foot", "height[h,w]", "share[h,w]"}
     );
     def<&departures>(
         m, "departures", "How far ground at offsets is from its plane at most.",

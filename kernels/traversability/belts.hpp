@@ -168,25 +168,41 @@ void rate_footholds(
     }
 }
 
-// For each pixel the best foothold within the offsets, nearest first: of those that are as good as
-// `enough` the nearest. Its height, minus infinity for none, and its share.
+// What a foot may be set to from its own place: pixels, nearest first, and heights.
+struct FootReach {
+    Offsets places;
+    Heights level;  // of the ground at its own place, gaps within reach filled, m
+    double step;    // how far from that the foothold may be, m
+    double enough;  // share of the limits below which the nearest is taken
+};
+
+template <class Visit> void visit_arguments(FootReach& f, Visit visit) {
+    visit("places[k,2]", f.places), visit("level[h,w]", f.level);
+    visit("step", f.step), visit("enough", f.enough);
+}
+
+// For each pixel the best foothold within reach. Its height, minus infinity for none, and its
+// share.
 inline void choose_footholds(
-    Heights heights, Heights shares, Offsets reach, double enough, Matrix<float> height,
+    Heights heights, Heights shares, const FootReach& foot, Matrix<float> height,
     Matrix<float> share
 ) {
+    const Offsets& reach = foot.places;
     i64 lost = 0;
     for (i64 offset : reach.flat()) lost = max(lost, abs(offset));
     height.fill(NO_GROUND), share.fill(float(INF));
-    const float least = float(enough);
+    const float least = float(foot.enough), step = float(foot.step);
     for (i64 i = lost; i < height.rows() - lost; ++i) {
         visit_blocks(height.columns() - 2 * lost, [&](i64 j, auto count) {
+            const float* level = &foot.level(i, lost + j);
             Block best, at, rated;
             best.fill(float(INF)), at.fill(NO_GROUND), rated.fill(float(INF));
             for (i64 k = 0; k < reach.rows(); ++k) {
                 const float* z = &heights(i + reach(k, 0), lost + j + reach(k, 1));
                 const float* r = &shares(i + reach(k, 0), lost + j + reach(k, 1));
                 for (i64 c = 0; c < count; ++c) {
-                    float cost = higher(r[c], least);
+                    bool far = !(abs(z[c] - level[c]) <= step);
+                    float cost = far ? float(INF) : higher(r[c], least);
                     bool better = cost < best[c];
                     best[c] = better ? cost : best[c];
                     at[c] = better ? z[c] : at[c];

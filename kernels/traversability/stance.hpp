@@ -82,6 +82,11 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
     }
     out.share = drive.utilisation, out.torque = drive.torque_used, out.slip = drive.slip;
     out.sliding = share_of(v.weight * sin(atan(slope)), holding);
+    if (v.layout.wheels.gear == FEET) {
+        // feet stand on their footholds, which may be level where the body is not, as on stairs
+        out.share = out.sliding = 0.0;
+        out.energy = max(0.0, -v.weight * g.forward);
+    }
     g = gravity(tilt_along, tilt_across);
     out.tipping = tipping(v.layout, g);
     out.reserve = tip_reserve(v.layout, g);

@@ -340,15 +340,14 @@ def rate_footholds(
 def choose_footholds(
     heights: NDArray[np.float32],
     shares: NDArray[np.float32],
-    reach: NDArray[np.int64],
-    enough: float,
+    foot: Any,
     height: NDArray[np.float32],
     share: NDArray[np.float32],
 ) -> None:
     """
     The best foothold within reach of every pixel.
 
-    Shapes: heights[h,w], shares[h,w], reach[k,2], height[h,w], share[h,w].
+    Shapes: heights[h,w], shares[h,w], height[h,w], share[h,w].
     """
 
 def departures(

@@ -184,7 +184,9 @@ def vehicle_footprint(
     largest = max(tread.radius for tread in by_heading[0].treads)
     reach = max(largest, math.sqrt(2.0) * apart)
     farthest = math.hypot(max(front, rear), side) + reach + 2.5 * largest
-    farthest += vehicle.bridges + (vehicle.wheel.width if vehicle.feet else 0.0)
+    farthest += vehicle.bridges
+    if vehicle.feet:  # footholds, and gaps that are filled around them
+        farthest += 3.0 * vehicle.feet.reach + vehicle.feet.diameter
     sizes = by_heading[0].sizes
     same = {(float(a), float(b), int(n)) for a, b, n in zip(x, y, sizes, strict=True)}
     shared = same == {(-a + 0.0, -b + 0.0, n) for a, b, n in same}

@@ -564,12 +564,22 @@ class FootholdLimits(NamedTuple):
     patch: Offsets
 
 
+class FootReach(NamedTuple):
+    """What a foot may be set to, as in kernels/traversability/belts.hpp."""
+
+    places: Offsets
+    level: NDArray[np.float32]
+    step: float
+    enough: float
+
+
 class FootholdSearch(NamedTuple):
     """What is looked for as a foothold.
 
     Attributes:
         limits: limits of each.
         reach: offsets of pixels that a foot may be set to, nearest first.
+        step: highest step of a foot, m.
         enough: share of the limits below which the nearest is taken.
         raised: how much a foot stands out of the plane of the others, by how much it stands out of
             that of all.
@@ -577,6 +587,7 @@ class FootholdSearch(NamedTuple):
 
     limits: FootholdLimits
     reach: Offsets
+    step: float
     enough: float
     raised: float
 
@@ -598,7 +609,7 @@ def foothold_search(terrain: Terrain, vehicle: Vehicle, resolution: float) -> Fo
     x, y = layout.x - layout.x.mean(), layout.y
     leverage = 1.0 / len(x) + x**2 / np.sum(x**2) + y**2 / np.sum(y**2)
     return FootholdSearch(
-        limits, reach_offsets(feet.reach, resolution), vehicle.thresholds.geometry,
+        limits, reach_offsets(feet.reach, resolution), feet.step_height, vehicle.thresholds.geometry,
         1.0 / (1.0 - float(leverage.max())),
     )  # fmt: skip
 
@@ -673,9 +684,21 @@ class _Sweep:
         ground = self._ground
         rated, height, share = np.empty((3, *ground.heights.shape), np.float32)
         kernels.rate_footholds(ground.heights, ground.surfaces, search.limits, rated)
-        kernels.choose_footholds(ground.heights, rated, search.reach, search.enough, height, share)
+        level = self._filled(search.reach) if len(ground.pairs) else ground.heights
+        foot = FootReach(search.reach, level, search.step, search.enough)
+        kernels.choose_footholds(ground.heights, rated, foot, height, share)
         self._feet = height, self._to_phases(height), self._to_phases(share)
         self.own_footholds = self._at(self._to_phases(rated), np.zeros(2, np.int64))
+
+    def _filled(self, reach: Offsets) -> NDArray[np.float32]:
+        """The ground with gaps within reach of their edges filled, (rows, columns) float32, m."""
+        none, (high, low) = (
+            np.zeros(len(reach), np.float32),
+            np.empty((2, *self._ground.heights.shape), np.float32),
+        )
+        kernels.supports(self._ground.heights, reach, none, high)
+        kernels.supports(-high, reach, none, low)
+        return -low
 
     def stand_on_feet(
         self, footprint: HeadingFootprint, plane: NDArray[np.float32], step: NDArray[np.float32]
