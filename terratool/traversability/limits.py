@@ -50,10 +50,10 @@ class WheelArrays(NamedTuple):
     @classmethod
     def of(cls, wheels: Sequence[Wheel]) -> WheelArrays:
         """Gather the attributes of wheels, in their order."""
-        *members, slips, gear = cls._fields
-        rows = [[getattr(wheel, name) for name in members] for wheel in wheels]
-        same = (getattr(wheels[0], name) for name in (slips, gear))
-        return cls(*np.array(rows, np.float64).T.copy(), *same)
+        members = [name for name in cls._fields if name not in ("slips", "gear")]
+        table = np.array([[getattr(w, name) for w in wheels] for name in members], np.float64)
+        first = wheels[0]
+        return cls(**dict(zip(members, table, strict=True)), slips=first.slips, gear=first.gear)
 
 
 class TrackPair(NamedTuple):

@@ -609,8 +609,8 @@ def foothold_search(terrain: Terrain, vehicle: Vehicle, resolution: float) -> Fo
     x, y = layout.x - layout.x.mean(), layout.y
     leverage = 1.0 / len(x) + x**2 / np.sum(x**2) + y**2 / np.sum(y**2)
     return FootholdSearch(
-        limits, reach_offsets(feet.reach, resolution), feet.step_height, vehicle.thresholds.geometry,
-        1.0 / (1.0 - float(leverage.max())),
+        limits, reach_offsets(feet.reach, resolution), feet.step_height,
+        vehicle.thresholds.geometry, 1.0 / (1.0 - float(leverage.max())),
     )  # fmt: skip
 
 

@@ -268,7 +268,7 @@ def test_down_what_cannot_be_climbed_is_one_way() -> None:
 
 
 def test_another_way_back_is_found_by_a_detour() -> None:
-    """The same slope in mud and, beside it, on rock: down the mud, and back up with wheels on the rock."""
+    """The same slope in mud and, beside it, rock: down the mud, back up with wheels on the rock."""
     terrain = terrain_of(
         {
             "size": [12, 6],

@@ -207,7 +207,7 @@ class TestRuts:
         assert "vehicle on wheels" in raised.value.hint
 
     def test_preset(self, tmp_path: Path) -> None:
-        """Of a preset it is Bekker's sinkage for this wheel, each half of which bears half the load."""
+        """Of a preset it is Bekker's sinkage for this wheel, of which each half bears half."""
         terrain = driven(flat(tmp_path), [(25, 2), (30, 2)])
         # n = 1, kc = 1.4 kN/m², kφ = 820 kN/m³ (Wong 2008)
         bekker = (3 * 50 / ((3 - 1) * (1.4e3 + 0.1 * 820e3) * math.sqrt(0.4))) ** (2 / 3)
