@@ -1,4 +1,4 @@
-"""What soil does under tracks and feet: sinkage, forces and bearing, for figures and maps."""
+"""Soil under tracks and feet: sinkage, forces and bearing, for figures and maps."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ def flat_sinkage(preset: Preset, wheel: Wheel, load: Any) -> Any:
 
 
 def rate_factor(vehicle: Vehicle) -> float:
-    """How much more load a whole track, or a foot as it walks, bears than what is loaded alone.
+    """Load of a whole track, or of a foot as it walks, by that of a section, or of a foot at rest.
 
-    A surface's own k is for that load.
+    A surface's own k is for the former.
     """
     if vehicle.feet:
         return vehicle.wheels / vehicle.feet.bearing

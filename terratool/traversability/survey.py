@@ -565,7 +565,7 @@ class FootholdLimits(NamedTuple):
 
 
 class FootReach(NamedTuple):
-    """What a foot may be set to, as in kernels/traversability/belts.hpp."""
+    """Places that a foot may be set to, as in kernels/traversability/belts.hpp."""
 
     places: Offsets
     level: NDArray[np.float32]
@@ -574,7 +574,7 @@ class FootReach(NamedTuple):
 
 
 class FootholdSearch(NamedTuple):
-    """What is looked for as a foothold.
+    """A search for footholds.
 
     Attributes:
         limits: limits of each.
@@ -593,7 +593,7 @@ class FootholdSearch(NamedTuple):
 
 
 def foothold_search(terrain: Terrain, vehicle: Vehicle, resolution: float) -> FootholdSearch:
-    """What footholds a vehicle on feet looks for, on ground of a resolution, m."""
+    """The search for footholds of a vehicle on feet, on ground of a resolution, m."""
     feet, layout = vehicle.feet, wheel_layout(vehicle)
     assert feet is not None
     grip, load = [math.inf], [0.0]
@@ -698,7 +698,7 @@ class _Sweep:
         )
         kernels.supports(self._ground.heights, reach, none, high)
         kernels.supports(-high, reach, none, low)
-        return -low
+        return np.negative(low, out=low)
 
     def stand_on_feet(
         self, footprint: HeadingFootprint, plane: NDArray[np.float32], step: NDArray[np.float32]

@@ -168,7 +168,7 @@ def track_step(outline: TrackOutline, friction: float, most: float) -> tuple[flo
 
 
 def _binding(outline: TrackOutline, height: float, friction: float, most: float) -> str:
-    """What keeps tracks from climbing a step, in words; empty where nothing does."""
+    """The measure, in words, that keeps tracks from climbing a step; empty where nothing does."""
     angle, arm, lever, passed = _moments(outline, height)
     # up to the place where the centre of gravity is above the edge
     needed: NDArray[np.bool_] = np.cumsum(passed) - passed == 0

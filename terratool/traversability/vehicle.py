@@ -62,7 +62,7 @@ class Soil:
 
 
 GEARS = ("wheels", "tracks", "feet")
-"""What a vehicle stands on, by number in the kernels: kernels/traversability/track.hpp."""
+"""Kinds of running gear, by number in the kernels: kernels/traversability/track.hpp."""
 MODELS = ("slip", "paper")
 """Models of wheel and soil; kernels/traversability/terramechanics.hpp explains them."""
 FLAT = 0.4
@@ -147,7 +147,7 @@ class Tracks:
 
     @property
     def front(self) -> float:
-        """How far the front idler with its belt reaches beyond what stands on the ground, m."""
+        """Length of the front idler and the rise beyond the end of the track on the ground, m."""
         return (self.front_height - self.radius) / math.tan(self.approach) + self.radius
 
     @property
@@ -343,12 +343,12 @@ class Vehicle:
 
     @property
     def gear(self) -> str:
-        """What the vehicle stands on, one of `GEARS`."""
+        """Kind of running gear of the vehicle, one of `GEARS`."""
         return GEARS[self.wheel.gear]
 
     @property
     def size_words(self) -> str:
-        """What decides how fine the ground must be, with its size, in words."""
+        """Wheels, tracks or feet that decide how fine the ground must be, with a size, in words."""
         if self.feet:
             return f"feet of diameter {self.feet.diameter:g}"
         if self.tracks:
