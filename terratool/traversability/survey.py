@@ -692,13 +692,11 @@ class _Sweep:
 
     def _filled(self, reach: Offsets) -> NDArray[np.float32]:
         """The ground with gaps within reach of their edges filled, (rows, columns) float32, m."""
-        none, (high, low) = (
-            np.zeros(len(reach), np.float32),
-            np.empty((2, *self._ground.heights.shape), np.float32),
-        )
+        none = np.zeros(len(reach), np.float32)
+        high, low = np.empty_like(self._ground.heights), np.empty_like(self._ground.heights)
         kernels.supports(self._ground.heights, reach, none, high)
         kernels.supports(-high, reach, none, low)
-        return np.negative(low, out=low)
+        return np.asarray(-low)
 
     def stand_on_feet(
         self, footprint: HeadingFootprint, plane: NDArray[np.float32], step: NDArray[np.float32]

@@ -17,11 +17,15 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
 from terratool.traversability import foot
-from terratool.traversability.results import Reason, Verdict
+from terratool.traversability.judge import Judge
+from terratool.traversability.map import map_bands
+from terratool.traversability.map_files import CHANCE, FOOTHOLD, NUMBERS, further_bands
+from terratool.traversability.results import COLORS, GroundClass, Reason, Verdict
 from terratool.traversability.soil import surface_figures
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.track import plate_sinkage
 from terratool.traversability.vehicle import Vehicle, vehicle_of
+from terratool.viewing.layers import layer_picture
 from tests.traversability.test_belts import EAST, along, bar, crawler, ground, surveyed
 
 LOAD, DISC = 150.0, 0.05
@@ -156,3 +160,29 @@ class TestFootholds:
     def test_a_body_without_feet_on_ground_stands_nowhere(self) -> None:
         with pytest.raises(RequestError, match="stands on tracks"):
             footholds(ground(), crawler())
+
+    def test_maps_of_walkers_have_a_band_of_footholds(self) -> None:
+        """The margin is 1 less the share; others have no such band."""
+        terrain = ground(slope=0.3)
+        grid = Grid(2.0, 2.0, 0.05, 8, 8)
+        inside = np.ones((8, 8), np.bool_)
+        numbers = []
+        for vehicle in (walker(), crawler()):
+            measures = Surveyor(terrain, vehicle, grid).measure(grid.whole)
+            numbers.append(map_bands(measures, inside).numbers)
+        assert len(numbers[0]) == len(numbers[1]) + 1 == len(NUMBERS.names) + 1
+        wanted = 1.0 - 0.3 / math.tan(math.radians(38))
+        assert numbers[0][-1] == pytest.approx(wanted, rel=1e-3)
+        assert further_bands(True, True) == (FOOTHOLD, CHANCE)
+
+    def test_the_layer_shows_the_margin(self) -> None:
+        """The brighter, the more is in reserve; a wall is in the colour of no-go."""
+        judge = Judge(walker(), {"file": "walker.json"})
+        grid = Grid(1.0, 1.0, 0.05, 40, 120)
+        colors = [
+            layer_picture(terrain, grid, "foothold", judge).colors[20]
+            for terrain in (ground(bar(0.3, 4, 6.015)), ground(slope=0.5))
+        ]
+        wall = round(3.0 / 0.05)
+        assert (colors[0][wall - 1 : wall + 1] == COLORS[GroundClass.NO_GO]).all(axis=1).any()
+        assert colors[0][10].sum() > colors[1][10].sum()
