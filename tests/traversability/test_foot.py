@@ -181,7 +181,7 @@ class TestFootholds:
         grid = Grid(1.0, 1.0, 0.05, 40, 120)
         colors = [
             layer_picture(terrain, grid, "foothold", judge).colors[20]
-            for terrain in (ground(bar(0.3, 4, 6.015)), ground(slope=0.5))
+            for terrain in (ground(bar(0.3, 3.97, 6.0)), ground(slope=0.5))
         ]
         wall = round(3.0 / 0.05)
         assert (colors[0][wall - 1 : wall + 1] == COLORS[GroundClass.NO_GO]).all(axis=1).any()
