@@ -262,6 +262,7 @@ class Terrain(ShownTerrain):
         routes: Line | Sequence[Line] = (),
         waypoints: ArrayLike | str | Path | Sequence[ArrayLike | str | Path] = (),
         model: Literal["slip", "paper"] = "slip",
+        margin: bool = False,
         report: str | Path | Sequence[str | Path] = (),
         map: str | Path | None = None,
         overwrite: bool = False,

@@ -105,6 +105,7 @@ def profile(n: int = 200, found: bool = True) -> RouteProfile:
         105.0 + 25.0 * t, 202.0 + 10.0 * t, np.full(n, 68.0), 26.9 * t, np.sin(3.0 * t),
         0.004 + 0.004 * (t > 0.5), 0.2 * np.cos(3.0 * t), 0.0 * t, slip, 0.3 + 0.4 * t, verdict,
         np.where(verdict == 1, 0, 6).astype(np.uint8), ("sand",) * n, ("/elemTree",) * n,
+        np.full(n, -0.03), 0.8 * t,
     )  # fmt: skip
 
 
@@ -112,6 +113,7 @@ WAY = Route(
     place(105.0, 202.0), place(130.0, 212.0), True, True, Verdict.CAUTION, 27.3, 5230.0, 612.0,
     Extreme(-0.21, place()), Extreme(0.008, place(surface=NASTY)),
     Extreme(0.27, place(), Reason.SLIP), profile(), turning=830.0,
+    drift=Extreme(0.8, place(130.0, 212.0)), crab=Extreme(0.03, place()), drift_total=0.8,
 )  # fmt: skip
 NO_WAY = Route(
     place(105.0, 202.0), place(130.0, 212.0, NASTY), False, True, Verdict.NO_GO,

@@ -80,6 +80,7 @@ def drawn(
         "sinkage": 0.0,
         "slip": 0.0,
         "energy": 10.0,
+        "crab": 0.0,
     } | planes
     grid = Grid(*origin, resolution, *shape[1:])
     return Survey(

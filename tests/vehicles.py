@@ -36,9 +36,11 @@ LOPSIDED: Json = {
     "steering": "wheels",
     "speed": 0.5,
     "power": 25,
+    "maxDrift": 0.4,
     "margins": {"clearance": 0.02, "step": 0.01, "tip": 10, "slope": 5},
     "classes": {
         "utilisation": 0.6, "slip": 0.1, "cautionSlip": 0.3, "torque": 0.5, "geometry": 0.8,
+        "drift": 7, "cautionDrift": 25,
     },
     "x-note": {"mass": None},
 }  # fmt: skip
@@ -168,6 +170,8 @@ def vehicles(draw: st.DrawFn) -> Json:
                         "cautionSlip": _numbers(0.5, 1),
                         "torque": share,
                         "geometry": share,
+                        "drift": _numbers(0.1, 10),
+                        "cautionDrift": _numbers(10, 89),
                     }
                 ),
             }

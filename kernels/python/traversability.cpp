@@ -231,6 +231,10 @@ void bind_traversability(nb::module_ m) {
         m, "steepest", "The largest slope on a soil, and the reason that limits it.",
         {"across", "layout", "weight", "soil", "slip"}
     );
+    def<&crab_across>(
+        m, "crab_across", "The crab angle of a vehicle that drives across a slope.",
+        {"layout", "weight", "soil", "angle"}
+    );
     def<&turn_on_spot>(
         m, "turn_on_spot", "What it takes a vehicle to turn on the spot by a radian.",
         {"layout", "x[w]", "y[w]", "load[w]", "soil", "slip"}

@@ -51,7 +51,7 @@ inline bool surely_goes(const Vehicle& v, const Corners& states) {
         SlopeState near = *s;
         for (auto n :
              {&SlopeState::share, &SlopeState::slip, &SlopeState::torque, &SlopeState::sunk,
-              &SlopeState::sliding, &SlopeState::tipping})
+              &SlopeState::sliding, &SlopeState::tipping, &SlopeState::crab})
             near.*n *= MARGIN;
         judge_soils(v, near, judged);
         judged.add(Reason::TIP_OVER, near.tipping, v.go_geometry, false);
@@ -70,7 +70,7 @@ inline bool never_goes(const Vehicle& v, const Corners& states) {
     return beyond(&SlopeState::share, v.go_traction)
         || beyond(&SlopeState::slip, v.go_slip * v.slip) || beyond(&SlopeState::torque, v.go_torque)
         || beyond(&SlopeState::sunk, shape) || beyond(&SlopeState::sliding, shape)
-        || beyond(&SlopeState::tipping, shape);
+        || beyond(&SlopeState::tipping, shape) || beyond(&SlopeState::crab, v.go_crab * v.crab);
 }
 
 // The deepest sinkage in these states, m.

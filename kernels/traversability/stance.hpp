@@ -353,6 +353,7 @@ INLINE void judge_soils(const Vehicle& v, const SlopeState& need, Judgement& jud
     judged.add(Reason::TORQUE, need.torque, v.go_torque, false);
     judged.add(Reason::SINKAGE, need.sunk, v.go_geometry, true);
     judged.add(Reason::SIDE_SLIP, need.sliding, v.go_geometry, false);
+    judged.add(Reason::DRIFT, need.crab / v.crab, v.go_crab, true);
 }
 
 // What the wheels stand on at the reference points, row by row.
@@ -427,7 +428,9 @@ void judge_points(
                 const Soil& soil = on.soils[footing.soil];
                 known = known && !isnan(soil.cohesion);
                 if (footing != footings[n]) footings[n] = footing, stale = true;
-                bool slips = wheels[n].wheel.slips && soil.shear_modulus > 0.0;
+                // on ground that does not yield slip without K counts as none
+                bool slips =
+                    wheels[n].wheel.slips && (soil.shear_modulus > 0.0 || soil.sinkage == 0.0);
                 vague = vague || (wheels[n].driven && !slips);
                 limit = min(limit, on.steps[footing.soil]);
             }

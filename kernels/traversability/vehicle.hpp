@@ -63,6 +63,7 @@ struct Vehicle {
     In fit_along, fit_across;
     double weight, slip, slope_margin, soil_margin, clearance, front, rear, roughness;
     double go_traction, go_slip, go_torque, go_geometry;
+    double crab, go_crab;  // the smallest crab angle that is no-go, rad, and the share that is go
     Matrix<const double> factors;  // of k, by soil and wheel; none where all are 1
 };
 
@@ -75,6 +76,7 @@ template <class Visit> void visit_arguments(Vehicle& v, Visit visit) {
     visit("front", v.front), visit("rear", v.rear), visit("roughness", v.roughness);
     visit("go_traction", v.go_traction), visit("go_slip", v.go_slip);
     visit("go_torque", v.go_torque), visit("go_geometry", v.go_geometry);
+    visit("crab", v.crab), visit("go_crab", v.go_crab);
     visit("factors[_,w]", v.factors);
 }
 
@@ -517,6 +519,16 @@ inline double crab_tangent(LoadedWheels wheels, double across) {
         if (step <= enough * tangent) break;
     }
     return tangent;
+}
+
+// The crab angle of a vehicle that drives across a slope, rad; π/2 where its wheels do not hold it.
+inline double crab_across(const Layout& layout, double weight, const Soils& soil, double angle) {
+    auto wheels = wheels_on(layout, soil);
+    Gravity g = gravity(0.0, tan(angle));
+    load_wheels(wheels, layout, weight, g);
+    Drive drive = drive_wheels(wheels, 0.0);
+    if (!(drive.utilisation < 1.0 && drive.slip < 1.0)) return PI / 2.0;
+    return atan(crab_tangent(wheels, weight * abs(g.left)));
 }
 
 // What holds its wheels beyond what pulls them down a slope, and what limits them.

@@ -148,6 +148,8 @@ class ClassesText(Struct, frozen=True, rename="camel", kw_only=True):
     caution_slip: float | UnsetType = UNSET
     torque: float | UnsetType = UNSET
     geometry: float | UnsetType = UNSET
+    drift: float | UnsetType = UNSET
+    caution_drift: float | UnsetType = UNSET
 
 
 class VehicleText(Struct, frozen=True, rename="camel", kw_only=True):
@@ -170,6 +172,7 @@ class VehicleText(Struct, frozen=True, rename="camel", kw_only=True):
     steering: str | UnsetType = UNSET
     speed: float | UnsetType = UNSET
     power: float | UnsetType = UNSET
+    max_drift: float | UnsetType = UNSET
     margins: MarginsText = MarginsText()
     classes: ClassesText = ClassesText()
 
@@ -228,6 +231,9 @@ MAX_WHEELS = 16
 MAX_PAIRS = 4
 """Most pairs of feet of a vehicle."""
 _ANGLE = Key("an angle in degrees, from 0 to below 90", "number", 0, 90, open_high=True)
+_DRIFT = Key(
+    "an angle in degrees, above 0 and below 90", "number", 0, 90, open_low=True, open_high=True
+)
 _X = Key("a position in metres, positive ahead, up to 1e6 in size", "number", -MOST, MOST)
 _WHEEL = {
     "radius": measure("a radius", "metres").describe(
@@ -328,6 +334,10 @@ VEHICLE_KEYS: dict[Shape, dict[str, Key]] = {
         "power": reserve("a power", "W", 1e9).describe(
             "Power that is drawn all the time, whether it drives or not, W; for the energy of a "
             "route.", 40, default=0,
+        ),
+        "maxDrift": measure("a length", "metres").describe(
+            "How far it may drift downhill between two corners of a route, m; a route on which it "
+            "would drift farther is caution. Without it, there is no limit.", 0.5,
         ),
         "margins": Key("the margins, an object", "object").describe(
             "What is kept in reserve: taken off each limit before anything is compared with it.",
@@ -467,6 +477,14 @@ VEHICLE_KEYS: dict[Shape, dict[str, Key]] = {
         "geometry": share("a share of a limit").describe(
             "Share of a limit of shape (step, clearance, tip-over, cross-slope, breakover, "
             "approach) up to which it is go; caution up to all of it.", 0.8, default=0.7,
+        ),
+        "drift": _DRIFT.describe(
+            "Angle up to which it is go, degrees, by which it drifts downhill on a side slope.", 5,
+            default=10,
+        ),
+        "cautionDrift": _DRIFT.describe(
+            "Angle of drift up to which it is caution, degrees; no less than drift.", 20,
+            default=30,
         ),
     },
 }  # fmt: skip

@@ -165,6 +165,9 @@ def drive(
 def steepest(across: bool, layout: Any, weight: float, soil: Any, slip: float) -> dict[str, Any]:
     """The largest slope on a soil, and the reason that limits it."""
 
+def crab_across(layout: Any, weight: float, soil: Any, angle: float) -> float:
+    """The crab angle of a vehicle that drives across a slope."""
+
 def turn_on_spot(
     layout: Any,
     x: NDArray[np.float64],

@@ -24,7 +24,7 @@ from terratool.report.wording import join_words
 from terratool.tasks import thread_count
 from terratool.text.display import quote
 from terratool.traversability.map import MapBuilder, begin_of, default_resolution, stream_map
-from terratool.traversability.map_files import MapFiles, further_bands, refuse_map
+from terratool.traversability.map_files import MapExtent, MapFiles, further_bands, refuse_map
 from terratool.traversability.ranges import SAMPLES, Draws, draw, level_chances, soil_samples
 from terratool.traversability.results import (
     FINER_HEADINGS,
@@ -237,7 +237,7 @@ def prepare_assessment(
     grid, routes, headings, notes = _grids(terrain, vehicle, request, map_path is not None)
     if map_path is not None:
         further = further_bands(vehicle.feet is not None, draws is not None)
-        refuse_map(terrain, grid, further, Path(map_path), overwrite)
+        refuse_map(terrain, MapExtent(grid, further, headings), Path(map_path), overwrite)
     samples = None if draws is None else soil_samples(terrain, vehicle, draws)
     surveyor, shared = Surveyor(terrain, vehicle, grid, headings, samples), routes == grid
     builder = ways = None
@@ -499,9 +499,8 @@ def _judge_map(
         return None
     threads, files = thread_count(prepared.request.threads), None
     if map_path is not None:
-        files = MapFiles(
-            stack, terrain, builder.grid, builder.further, Path(map_path), overwrite, threads
-        )
+        extent = MapExtent(builder.grid, builder.further, builder.headings)
+        files = MapFiles(stack, terrain, extent, Path(map_path), overwrite, threads)
     with crew_of(prepared.request.dask, threads) as crew:
         if prepared.shares_survey:
             assert prepared.tiles is not None
@@ -521,7 +520,7 @@ def _judge_map(
     if files:
         if progress:
             progress.say("writing the map")
-        files.finish(classes)
+        files.finish(classes, builder.worst_classes(classes), builder.bits)
     reach = None
     if start is not None:
         blocked = None if found.reached.any() else _blocked_start(prepared, start)

@@ -98,6 +98,7 @@ FIGURES: dict[str, _Figure] = {
     "route-time": _Figure(_along(lambda route: route.time), "route", " s"),
     "route-energy": _Figure(_along(lambda route: route.energy), "route", " J"),
     "least-margin": _Figure(_along(lambda route: route.tightest), "route"),
+    "drift": _Figure(_along(lambda route: route.drift), "route", " m"),
     "steepest": _Figure(_along(_steepest), "route", "°"),
     "sinkage": _Figure(_sinkage, unit=" m"),
 }

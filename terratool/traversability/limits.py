@@ -269,6 +269,17 @@ def side_slip(vehicle: Vehicle, soil: Soil) -> SteepestSlope:
     return _steepest(vehicle, soil, True, 1.0)
 
 
+def crab_angle(vehicle: Vehicle, soil: Soil, slope: float) -> float:
+    """The crab angle of a vehicle that drives across a slope, rad each.
+
+    By it a vehicle heads uphill of where it moves, so that its wheels, as they slide sideways,
+    hold m g sin β: Σ q X/(q X + 2) (C + W μ) (1 − s) tan ε/q = m g sin β, ε the crab angle. It is
+    0 where slip is not known, and π/2 where the wheels do not hold the vehicle.
+    """
+    layout, soils = wheel_layout(vehicle), under_wheels(soil)
+    return kernels.crab_across(layout, vehicle.weight, soils, slope)
+
+
 def _steepest(vehicle: Vehicle, soil: Soil, across: bool, slip: float) -> SteepestSlope:
     """The steepest slope, across or straight up, with slips up to `slip`."""
     layout, soils = wheel_layout(vehicle), under_wheels(soil)

@@ -109,7 +109,7 @@ In grey the verdicts differ, too: L* 88, 65, 31, unknown 65."""
 _LABELS = (
     "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",
     "slip", "sinkage", "side-slip", "tip-over", "step", "high-centred", "approach or departure",
-    "roughness", "turning on the spot", "foothold",
+    "roughness", "turning on the spot", "drift", "foothold",
 )  # fmt: skip
 """Names of the measures, by `Reason`."""
 
@@ -132,7 +132,8 @@ class Reason(NamedNumber):
     APPROACH = 12
     ROUGHNESS = 13
     TURNING = 14
-    FOOTHOLD = 15
+    DRIFT = 15
+    FOOTHOLD = 16
 
     @property
     def label(self) -> str:
@@ -156,6 +157,20 @@ class SlipCurve:
 
     slope: tuple[float, ...]
     slip: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class DriftCurve:
+    """Crab angle against side slope of a vehicle that drives straight across, (n,) each.
+
+    Attributes:
+        slope: side slopes, rad, each 5 degrees from 0 to the largest cross-slope.
+        crab: crab angle, rad: by how much the vehicle heads uphill to hold its line, and drifts
+            downhill if it does not.
+    """
+
+    slope: tuple[float, ...]
+    crab: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,13 +228,13 @@ class Figures:
         climb: steepest slope that is climbed, rad; None where the vehicle cannot even drive on the
             level.
         climb_binding: measure that binds at the climb.
-        cross_slope: steepest cross-slope, rad.
-        cross_slope_binding: measure that binds at the cross-slope.
-        step: height of the highest step that is climbed, m.
+        cross_slope: steepest cross-slope, rad; None like the climb.
+        cross_slope_binding: measure that binds at the cross-slope, or on the level.
+        step: height of the highest step that is climbed, m; None like the climb.
         step_binding: measure that binds at the step, in words.
         step_axle: axle that does not get up a higher step, 1 for the foremost; None where the body
             does not, or the wheel is by itself.
-        gap: width of the widest gap that is crossed, m.
+        gap: width of the widest gap that is crossed, m; None like the climb.
         verdict: verdict on level ground.
         reason: measure that binds on level ground.
         warnings: sentences on what is unusual.
@@ -231,6 +246,10 @@ class Figures:
         turning_work: work of the wheels for a quarter turn, J; None where the vehicle cannot turn.
         turning_slip: slip of the treads in a turn; None where the vehicle cannot turn.
         turning_binding: measure that forbids turning.
+        climb_error: error band of the climb to both sides, rad: less on firmer soil, 0 on ground
+            that does not yield, in the model `paper`, and where it is kept in reserve; None like
+            the climb.
+        drift_curve: crab angle against side slope; None where slip is not known.
         bearing: load that the soil bears on a foot, N; None for wheels, tracks and rigid ground.
     """
 
@@ -275,6 +294,8 @@ class Figures:
     turning_work: float | None = None
     turning_slip: float | None = None
     turning_binding: Reason = Reason.NONE
+    climb_error: float | None = None
+    drift_curve: DriftCurve | None = None
     bearing: float | None = None
 
 
@@ -301,6 +322,8 @@ class Survey:
         slip: float32 slip of the wheel that slips most; NaN where it is not known.
         energy: float32 energy of all wheels for each metre of ground, J/m, motors without loss;
             infinity where the vehicle does not move.
+        crab: float32 crab angle, rad: by how much the vehicle heads uphill to hold its line, and
+            drifts downhill if it does not; NaN where slip is not known.
     """
 
     grid: Grid
@@ -314,6 +337,7 @@ class Survey:
     sinkage: NDArray[np.float32]
     slip: NDArray[np.float32]
     energy: NDArray[np.float32]
+    crab: NDArray[np.float32]
 
     @property
     def headings(self) -> int:
@@ -371,6 +395,10 @@ class RouteProfile:
         reason: uint8 `Reason`.
         surface: names of surfaces, empty for none.
         element: JSON pointers of the elements that decide the surface, empty for none.
+        crab: crab angle, rad: by how much the vehicle heads to the left of its way to hold its
+            line on a side slope; below 0 to the right; NaN where unknown.
+        drift: how far it is to the left of its line, m, if nobody steers against the drift since
+            the last corner; below 0 to the right.
     """
 
     x: NDArray[np.float64]
@@ -387,6 +415,8 @@ class RouteProfile:
     reason: NDArray[np.uint8]
     surface: tuple[str, ...]
     element: tuple[str, ...]
+    crab: NDArray[np.float64]
+    drift: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -443,6 +473,12 @@ class Route:
         least_chance: smallest probability of go along the way; None where no figures of soils are
             ranges.
         turning: part of the energy that turns on the spot take, J; None if there is no way.
+        drift: largest drift between two corners, m, if nobody steers against it; None if there is
+            no way.
+        crab: largest crab angle to hold the line, rad; None if there is no way, or
+            it is not known.
+        drift_total: sum of all drift, to either side, m; None if there is no way.
+        strays: whether the drift is more than the vehicle's largest; the verdict is caution then.
     """
 
     start: Location
@@ -469,6 +505,10 @@ class Route:
     chance: float | None = None
     least_chance: Extreme | None = None
     turning: float | None = None
+    drift: Extreme | None = None
+    crab: Extreme | None = None
+    drift_total: float | None = None
+    strays: bool = False
 
     @property
     def holds(self) -> bool:
@@ -579,12 +619,20 @@ class Preview:
         heights: (height, width) float32 m, NaN where there is no ground.
         ground: (height, width) uint8 `GroundClass`.
         crs: name of the coordinates' reference system; empty for none.
+        worst: (height, width) uint8 `GroundClass`, with the verdict of the worst heading where
+            ground is go, caution, no-go or unknown; None where it is not known.
+        bits: (height, width) headings with which the vehicle drives, as bits, the first in the
+            lowest; the ground is taken to go on beyond the rim. None where they are not known.
+        headings: number of headings of `bits`.
     """
 
     grid: Grid
     heights: NDArray[np.float32]
     ground: NDArray[np.uint8]
     crs: str = ""
+    worst: NDArray[np.uint8] | None = None
+    bits: NDArray[np.unsignedinteger[Any]] | None = None
+    headings: int = HEADINGS
 
 
 @dataclass(frozen=True, slots=True)

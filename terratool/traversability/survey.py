@@ -76,6 +76,8 @@ class VehicleParams(NamedTuple):
         clearance, front, rear: room for ground and sinkage under the body and its overhangs, m.
         roughness: largest roughness, m.
         go_traction, go_slip, go_torque, go_geometry: largest shares of limits that are go.
+        crab: smallest crab angle that is no-go, rad.
+        go_crab: largest share of it that is go.
         factors: (soils, wheels) factors of k, or (0, wheels) where all are 1.
     """
 
@@ -94,6 +96,8 @@ class VehicleParams(NamedTuple):
     go_slip: float
     go_torque: float
     go_geometry: float
+    crab: float
+    go_crab: float
     factors: NDArray[np.float64]
 
 
@@ -121,6 +125,7 @@ def vehicle_params(vehicle: Vehicle, factors: NDArray[np.float64] | None = None)
         roughness=_roughest(vehicle),
         go_traction=limits.utilisation, go_slip=limits.slip / slip,
         go_torque=limits.torque, go_geometry=limits.geometry,
+        crab=limits.caution_drift, go_crab=limits.drift / limits.caution_drift,
         factors=np.empty((0, len(wheels.x))) if factors is None else factors,
     )  # fmt: skip
 

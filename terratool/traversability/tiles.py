@@ -25,6 +25,7 @@ TILE = 64
 _PLANES = {
     "utilisation": kernels.UTILISATION, "pitch": kernels.PITCH, "roll": kernels.ROLL,
     "sinkage": kernels.SINKAGE, "slip": kernels.SLIP, "energy": kernels.ENERGY,
+    "crab": kernels.CRAB,
 }  # fmt: skip
 """Planes of `WindowMeasures.numbers` by the attribute of `Survey` that holds them."""
 
@@ -42,7 +43,7 @@ def survey(
 ) -> Survey:
     """Survey a vehicle at all pixel centres of a grid.
 
-    Memory is that of the result, 26 bytes for each pixel and heading, and of the windows at work.
+    Memory is that of the result, 30 bytes for each pixel and heading, and of the windows at work.
 
     Args:
         terrain: the ground.
@@ -100,7 +101,7 @@ def _store(survey: Survey, part: Any, found: WindowMeasures) -> None:
 class SurveyTiles:
     """A survey of which only tiles on demand are computed; cells of other tiles mean nothing.
 
-    Memory is 26 bytes for each cell and heading of computed tiles.
+    Memory is 30 bytes for each cell and heading of computed tiles.
 
     Attributes:
         survey: the whole survey.

@@ -28,7 +28,7 @@ from terratool.text.source import read_source
 from terratool.traversability.foot import disc_area
 from terratool.traversability.track import SECTIONS, track_gap
 
-_PLAIN = ("mass", "clearance", "body_width", "steering", "speed", "power")
+_PLAIN = ("mass", "clearance", "body_width", "steering", "speed", "power", "max_drift")
 """Keys of a vehicle's text that are attributes of `Vehicle` in the same units."""
 
 
@@ -234,6 +234,8 @@ class Thresholds:
         torque: largest share of the motor's torque that is go; caution up to 1.
         geometry: largest share of a limit of shape (step, clearance, tip-over, cross-slope,
             breakover, approach) that is go; caution up to 1.
+        drift: largest crab angle on a side slope that is go, rad.
+        caution_drift: largest crab angle that is caution, rad.
     """
 
     utilisation: float = default_of(ClassesText, "utilisation")
@@ -241,6 +243,8 @@ class Thresholds:
     caution_slip: float = default_of(ClassesText, "cautionSlip")
     torque: float = default_of(ClassesText, "torque")
     geometry: float = default_of(ClassesText, "geometry")
+    drift: float = math.radians(default_of(ClassesText, "drift"))
+    caution_drift: float = math.radians(default_of(ClassesText, "cautionDrift"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,6 +269,8 @@ class Vehicle:
             swivels each into its path.
         speed: speed of the wheels' treads, m/s.
         power: power that is drawn whether the vehicle drives or not, W.
+        max_drift: largest drift between two corners of a route that is go, m; infinity for no
+            limit.
         margins: margins taken off its limits.
         thresholds: thresholds of go and caution.
         name: name for reports; may be empty.
@@ -285,6 +291,7 @@ class Vehicle:
     steering: str = STEERINGS[0]
     speed: float = 1.0
     power: float = 0.0
+    max_drift: float = math.inf
     margins: Margins = field(default_factory=Margins)
     thresholds: Thresholds = field(default_factory=Thresholds)
     name: str = ""
@@ -476,8 +483,10 @@ def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
     elif feet is not None:
         given.setdefault("body_width", given["track"])
     overhangs, margins = _set_members(text.overhang), _set_members(text.margins)
-    for angle in margins.keys() & {"tip", "slope"}:
-        margins[angle] = math.radians(margins[angle])
+    classes = _set_members(text.classes)
+    for angles in (margins, classes):
+        for key in angles.keys() & {"tip", "slope", "drift", "caution_drift"}:
+            angles[key] = math.radians(angles[key])
     return Vehicle(
         wheel=common,
         # from the front to the rear, whatever the order in the file
@@ -488,7 +497,7 @@ def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
         front=_overhang(overhangs, "front", given["clearance"]),
         rear=_overhang(overhangs, "rear", given["clearance"]),
         margins=Margins(**margins),
-        thresholds=Thresholds(**_set_members(text.classes)),
+        thresholds=Thresholds(**classes),
         name=name,
         tracks=tracks,
         feet=feet,

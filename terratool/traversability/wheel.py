@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.kernels import traversability as kernels
+from terratool.report import numbers
 from terratool.traversability.vehicle import Soil, Wheel
 
 LARGEST = 1e30
@@ -331,21 +332,22 @@ def check(load: Any, soil: Soil, wheel: Wheel) -> None:
         raise RequestError("The largest slip is out of its range.", "Give a share up to 1.")
 
 
-def remarks(load: float, soil: Soil, wheel: Wheel) -> tuple[str, ...]:
-    """Sentences on figures beyond the range of the model."""
+def remarks(load: float, soil: Soil, wheel: Wheel, slip: float) -> tuple[str, ...]:
+    """Sentences on figures beyond the range of the model, for a wheel that slips so much."""
     found = []
-    here = contact(load, soil, wheel)
-    depth = float(here.sinkage) / (2.0 * wheel.radius)
+    depth = float(contact(load, soil, wheel, slip).sinkage) / (2.0 * wheel.radius)
+    digs = f"At a slip of {numbers.share(slip)} the" if wheel.slips else "The"
     if soil.friction > STEEP_FRICTION:
         found.append(
             f"A friction angle of {math.degrees(soil.friction):.3g}° is unusual: soils and tyres "
             "have less than 50°."
         )
     if depth >= 0.5:
-        found.append("The wheel sinks in to its axle; the model ends before that.")
+        found.append(f"{digs} wheel sinks in to its axle; the model ends before that.")
     elif depth > DEEP:
         found.append(
-            f"The wheel sinks in {depth:.2g} of its diameter; the model is accurate up to {DEEP}."
+            f"{digs} wheel sinks in by {depth:.2g} of its diameter; the model is accurate up to "
+            f"{DEEP}."
         )
     return tuple(found)
 

@@ -35,7 +35,11 @@ from terratool.viewing.vision import look_alike
 
 FINER = 2
 """Painted pixels per pixel of the picture and side; a pixel of the picture is their mean."""
-NAMES = ("height", "slope", "surface", "friction", "traversability", "foothold")
+VERDICTS = ("traversability", "traversability-worst")
+"""Names of the layers of verdicts: by the best heading at each place, and by the worst."""
+JUDGED = (*VERDICTS, "foothold")
+"""Names of the layers that need a vehicle."""
+NAMES = ("height", "slope", "surface", "friction", *JUDGED)
 """Names of the layers."""
 
 VOID = (255, 255, 255)
@@ -52,8 +56,6 @@ PALETTE = (
 """Colours for surfaces that have none, distinct for any kind of colour vision (M. Okabe and K. Ito,
 Color universal design, 2008)."""
 
-JUDGED = ("traversability", "foothold")
-"""Names of the layers that need a vehicle."""
 _COLORS = {
     "height": "cividis", "slope": "viridis", "friction": "viridis", "foothold": "viridis",
 }  # fmt: skip
@@ -211,9 +213,9 @@ def layer_picture(
     assert planes.surfaces is not None
     if layer == "surface":
         return _surface_layer(terrain, grid, planes)
-    if layer == "traversability":
+    if layer in VERDICTS:
         assert judge is not None
-        return _verdict_layer(terrain, grid, planes, judge, progress)
+        return _verdict_layer(terrain, grid, planes, judge, progress, layer == VERDICTS[1])
     if layer == "foothold":
         assert judge is not None
         return _foothold_layer(terrain, grid, planes, judge, progress)
@@ -289,16 +291,17 @@ def _number_layer(terrain: Terrain, grid: Grid, planes: Planes, layer: str) -> L
 
 
 def _verdict_layer(
-    terrain: Terrain, grid: Grid, planes: Planes, judge: Judge, progress: Callable[[str], object]
-) -> LayerPicture:
-    """The layer `traversability`: classes of a map of its own, at the pixels of the picture."""
+    terrain: Terrain, grid: Grid, planes: Planes, judge: Judge, progress: Callable[[str], object],
+    worst: bool,
+) -> LayerPicture:  # fmt: skip
+    """A layer of `VERDICTS`: classes of a map of its own, at the pixels of the picture."""
     terrain.refuse_degrees("A vehicle")
     terrain = terrain.written_out
     bounds = grid.bounds
     part = _clip_to_terrain(terrain, bounds)
     resolution, why = _map_resolution(terrain, judge, part)
     verdict = judge.verdict(terrain, grid_over(terrain, resolution, part), progress)
-    classes = verdict.classes[_places_in(verdict.grid, grid)]
+    classes = (verdict.worst if worst else verdict.classes)[_places_in(verdict.grid, grid)]
     palette = np.array([COLORS[code] for code in sorted(COLORS)], np.uint8)
     ground = ~np.isnan(planes.heights)
     seen = np.bincount(classes[ground], minlength=len(GroundClass))
@@ -312,14 +315,15 @@ def _verdict_layer(
     share = seen[GroundClass.GO] + seen[GroundClass.CAUTION]
     counted = int(seen.sum() - seen[GroundClass.EDGE])
     notes = [
-        f"{verdict.vehicle} can drive on {share / max(1, counted):.0%} of the ground drawn;"
-        f" judged at pixels of {resolution:.4g} m ({why})."
+        f"{verdict.vehicle} can drive on {share / max(1, counted):.0%} of the ground drawn"
+        f"{', with every heading' * worst}; judged at pixels of {resolution:.4g} m ({why})."
     ]
     if verdict.lacking:
         notes.append(verdict.lacking)
+    title = f"{verdict.vehicle}{', worst heading' * worst}"
     return LayerPicture(
         grid, planes.heights, _ids(planes), palette[classes],
-        Legend(verdict.vehicle, (*swatches, *void_swatch(planes.heights))), _ON_VERDICTS,
+        Legend(title, (*swatches, *void_swatch(planes.heights))), _ON_VERDICTS,
         classes, tuple(notes),
     )  # fmt: skip
 

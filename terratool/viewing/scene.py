@@ -138,7 +138,10 @@ def scene_of(
         "faceSurfaces": faces.surface.reshape(-1, 1).astype(np.int64),
     }
     if report is not None and report.preview is not None:
-        arrays["verdict"] = report.preview.ground[::-1].reshape(-1, 1).astype(np.int64)
+        preview = report.preview
+        worst = preview.ground if preview.worst is None else preview.worst
+        for name, classes in (("verdict", preview.ground), ("worst", worst)):
+            arrays[name] = classes[::-1].reshape(-1, 1).astype(np.int64)
     return PageScene(facts, arrays)
 
 

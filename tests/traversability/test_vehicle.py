@@ -65,7 +65,9 @@ def test_every_key_arrives_in_its_place_and_unit() -> None:
     assert vehicle.rear == Overhang(0.3, 0.17)  # as high as the rest of the body
     assert (vehicle.speed, vehicle.power) == (0.5, 25)
     assert vehicle.margins == Margins(0.02, 0.01, math.pi / 18, pytest.approx(math.pi / 36))
-    assert vehicle.thresholds == Thresholds(0.6, 0.1, 0.3, 0.5, 0.8)
+    angles = math.radians(7), math.radians(25)
+    assert vehicle.thresholds == Thresholds(0.6, 0.1, 0.3, 0.5, 0.8, *angles)
+    assert vehicle.max_drift == 0.4
     assert vehicle.wheels == 7
     assert vehicle.wheelbase == pytest.approx(2.3)
     assert vehicle.middle == pytest.approx(0.35)
@@ -305,6 +307,8 @@ def test_the_page_tells_the_truth() -> None:
     assert float(rows["slip"]) == thresholds.slip
     assert float(rows["cautionSlip"]) == thresholds.caution_slip
     assert float(rows["torque"]) == thresholds.torque
+    assert math.radians(float(rows["drift"])) == thresholds.drift
+    assert math.radians(float(rows["cautionDrift"])) == thresholds.caution_drift
     assert float(rows["geometry"]) == thresholds.geometry
     assert float(rows["speed"]) == meant(SMALLEST).speed
     assert float(rows["power"]) == meant(SMALLEST).power

@@ -5,14 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
-from msgspec import UNSET
+from msgspec import UNSET, to_builtins
 
 from terratool.definition.findings import Remark
+from terratool.definition.keys import default_of
 from terratool.definition.rules.base import VehicleSubject, rule
+from terratool.definition.vehicle import ClassesText
 from terratool.text.display import quote
 
-_SLIP, _CAUTION_SLIP = 0.2, 0.6
-"""Thresholds of slip where a file has none."""
+_ORDERED = (
+    ("slip", "cautionSlip"),
+    ("drift", "cautionDrift"),
+)
+"""Keys of thresholds for go and for caution."""
 
 _ROLLING = 0.01
 """Resistance of hard ground, as a share of the weight: road tyres have 0.01 to 0.02."""
@@ -53,9 +58,10 @@ _PLAUSIBLE = (
 
 @rule("TT506", "class-order", kind="vehicle")
 def class_order(subject: VehicleSubject) -> Iterator[Remark]:
-    """The slip up to which it is go is larger than that up to which it is caution.
+    """The slip, or the drift, up to which it is go is larger than that up to which it is caution.
 
-    Where one of the two is left out its default counts, 0.2 for slip and 0.6 for cautionSlip.
+    Where one of the two is left out its default counts: 0.2 for slip and 0.6 for cautionSlip, 10°
+    for drift and 30° for cautionDrift.
 
     Fails:
 
@@ -73,21 +79,24 @@ def class_order(subject: VehicleSubject) -> Iterator[Remark]:
           "classes": {"slip": 0.7, "cautionSlip": 0.9}
         }
 
-    To mend: give both, the smaller one as slip.
+    To mend: give both, the smaller one as slip, or as drift.
     """
-    classes = subject.vehicle.classes
-    if subject.left_out("/classes", "slip", "cautionSlip") or subject.left_out("", "classes"):
+    if subject.left_out("", "classes"):
         return
-    go = _SLIP if classes.slip is UNSET else classes.slip
-    caution = _CAUTION_SLIP if classes.caution_slip is UNSET else classes.caution_slip
-    if go > caution:
-        by_default = ", its default" if classes.caution_slip is UNSET else ""
-        yield Remark(
-            "/classes/cautionSlip" if classes.slip is UNSET else "/classes/slip",
-            f"the slip for go is {quote(go)}{', its default' if classes.slip is UNSET else ''}, "
-            f"and that for caution {quote(caution)}{by_default}, which is less.",
-            'Give both "slip" and "cautionSlip", the smaller one as "slip".',
-        )
+    for key, caution_key in _ORDERED:
+        if subject.left_out("/classes", key, caution_key):
+            continue
+        written = to_builtins(subject.vehicle.classes)
+        go = written.get(key, default_of(ClassesText, key))
+        caution = written.get(caution_key, default_of(ClassesText, caution_key))
+        if go > caution:
+            by_default = ["" if one in written else ", its default" for one in (key, caution_key)]
+            yield Remark(
+                f"/classes/{key if key in written else caution_key}",
+                f"the {key} for go is {quote(go)}{by_default[0]}, and that for caution "
+                f"{quote(caution)}{by_default[1]}, which is less.",
+                f'Give both "{key}" and "{caution_key}", the smaller one as "{key}".',
+            )
 
 
 @rule("TT507", "weak-drive", "warning", kind="vehicle")

@@ -74,7 +74,7 @@ def surfaces(found: VehicleComparison) -> Table:
 def _ability(figures: Figures) -> str:
     if figures.missing or figures.climb is None:
         return what_binds(figures)
-    return f"{numbers.degrees(figures.climb)}, {wording.because(figures.climb_binding)}"
+    return f"{wording.climb(figures)}, {wording.because(figures.climb_binding)}"
 
 
 def way(found: VehicleComparison, number: int) -> Table:

@@ -172,6 +172,8 @@ class ThresholdKeys(Struct, frozen=True):
     caution_slip: float
     torque: float
     geometry: float
+    drift_deg: Degrees
+    caution_drift_deg: Degrees
 
 
 class VehicleKeys(Struct, frozen=True):
@@ -193,6 +195,7 @@ class VehicleKeys(Struct, frozen=True):
     steering: Annotated[str, one_of(STEERINGS)]
     speed_m_s: MetresPerSecond
     power_W: Watts
+    max_drift_m: Metres | None
     gear: Annotated[str, one_of(GEARS)]
     tracks: TracksKeys | None
     feet: FeetKeys | None
@@ -208,6 +211,17 @@ class SlipCurveKeys(Struct, frozen=True):
 
     slope_deg: Annotated[tuple[float, ...], ResultMember(unit="deg", factor=DEG)]
     slip: tuple[Share | None, ...]
+
+
+class DriftCurveKeys(Struct, frozen=True):
+    """Crab angle of the vehicle when it drives straight across a slope.
+
+    By it the vehicle heads uphill to hold its line, and drifts downhill if it does not. Slopes are
+    every 5 degrees up to the largest cross-slope.
+    """
+
+    slope_deg: ManyDegrees
+    crab_deg: ManyDegrees
 
 
 class ChanceKeys(Struct, frozen=True):
@@ -250,6 +264,7 @@ class SurfaceKeys(Struct, frozen=True):
     utilisation: float | None
     slip: float | None
     climb_deg: Degrees | None
+    climb_error_deg: Degrees | None
     climb_binding: ReasonText | None
     cross_slope_deg: Degrees | None
     cross_slope_binding: ReasonText | None
@@ -263,6 +278,7 @@ class SurfaceKeys(Struct, frozen=True):
     turning_binding: ReasonText | None
     warnings: tuple[str, ...]
     slip_curve: SlipCurveKeys | None
+    drift_curve: DriftCurveKeys | None
     probability: Annotated[ChanceKeys | UnsetType, ResultMember("chances")] = UNSET
 
 
@@ -311,6 +327,28 @@ class TightestKeys(Struct, frozen=True):
     place: PlaceKeys
 
 
+class DriftKeys(Struct, frozen=True):
+    """Place of a route up to which a vehicle drifts farthest if nobody steers against it.
+
+    Attributes:
+        drift_m: distance from the line, downhill, since the last corner.
+    """
+
+    drift_m: Annotated[float, ResultMember("value")]
+    place: PlaceKeys
+
+
+class CrabKeys(Struct, frozen=True):
+    """Place of a route where a vehicle has to head farthest uphill to hold its line.
+
+    Attributes:
+        crab_deg: angle between where it heads and where it moves.
+    """
+
+    crab_deg: Annotated[float, ResultMember("value", factor=DEG)]
+    place: PlaceKeys
+
+
 class LeastChanceKeys(Struct, frozen=True):
     """Place of a route with the smallest probability of go.
 
@@ -327,6 +365,9 @@ class ProfileKeys(Struct, frozen=True):
 
     Attributes:
         verdict: verdict of each sample.
+        crab_deg: how far to the left of its way it heads to hold its line; below 0 to the right.
+        drift_m: how far to the left of its line it drifts since the last corner, if nobody steers
+            against it; below 0 to the right.
         binding: measure that binds at each sample.
     """
 
@@ -344,6 +385,8 @@ class ProfileKeys(Struct, frozen=True):
     binding: Annotated[tuple[ReasonText | None, ...], ResultMember("reason", codes=Reason)]
     surface: tuple[Text, ...]
     element: tuple[Text, ...]
+    crab_deg: ManyDegrees
+    drift_m: ManyMetres
 
 
 class RouteKeys(Struct, frozen=True):
@@ -361,6 +404,10 @@ class RouteKeys(Struct, frozen=True):
     steepest: SteepestKeys | None
     softest: SoftestKeys | None
     tightest: TightestKeys | None
+    drift: DriftKeys | None
+    crab: CrabKeys | None
+    drift_total_m: Metres | None
+    strays: bool
     barriers: tuple[BarrierKeys, ...]
     reached: PlaceKeys | None
     note: Text

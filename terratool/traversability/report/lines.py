@@ -105,7 +105,7 @@ def _surfaces(report: TraversabilityReport) -> Iterator[Sequence[str]]:
         yield (
             truncate(title(figures), _NAME),
             numbers.length(figures.sinkage),
-            numbers.degrees(figures.climb),
+            wording.climb(figures),
             numbers.degrees(figures.cross_slope),
             numbers.length(figures.step),
             numbers.quantity(figures.drawbar, "N"),
@@ -118,7 +118,7 @@ def _step_limits(report: TraversabilityReport) -> str:
     """Sentence on the limits of steps, with the surfaces of each."""
     by_limit: dict[str, list[str]] = {}
     for figures in report.surfaces:
-        if not figures.missing:
+        if figures.step is not None:
             limit = wording.step_limit(figures, report.vehicle)
             by_limit.setdefault(limit, []).append(truncate(title(figures), _NAME))
     by_limit.pop(numbers.NOTHING, None)

@@ -49,7 +49,7 @@ def abilities(report: TraversabilityReport) -> Table:
         report,
         (Column("on the level", False), lambda f: f.verdict),
         (Column("what binds", False), what_binds),
-        (Column("climb"), lambda f: numbers.degrees(f.climb)),
+        (Column("climb"), wording.climb),
         (Column("climb limited by", False), lambda f: wording.because(f.climb_binding)),
         (Column("cross-slope"), lambda f: numbers.degrees(f.cross_slope)),
         (Column("cross-slope limited by", False), lambda f: wording.because(f.cross_slope_binding)),
@@ -118,6 +118,18 @@ def slips(report: TraversabilityReport) -> Table:
     return Table(
         columns, tuple((title(one), *(_slip_on(one, slope) for slope in slopes)) for one in known)
     )
+
+
+def drifts(report: TraversabilityReport) -> Table:
+    """Table of the crab angle on side slopes of 5, 10° and so on, as far as the vehicle crosses."""
+    known = [(title(one), one.drift_curve) for one in report.surfaces if one.drift_curve]
+    slopes = max((curve.slope for _, curve in known), key=len, default=())
+    columns = (Column("surface", False), *(Column(f"{math.degrees(one):.0f}°") for one in slopes))
+    rows = []
+    for name, curve in known:
+        beyond = [numbers.NOTHING] * (len(slopes) - len(curve.slope))
+        rows.append((name, *map(numbers.degrees, curve.crab), *beyond))
+    return Table(columns, tuple(rows))
 
 
 def _slip_on(figures: Figures, slope: int) -> str:
@@ -255,6 +267,8 @@ def journey(route: Route) -> Iterator[tuple[str, str]]:
     if route.softest is not None:
         sunk = numbers.length(route.softest.value)
         yield "softest", f"{sunk} of sinkage at {wording.where(route.softest.place)}"
+    if drift := wording.drifts(route).removeprefix("; drifts "):
+        yield "drift", f"{drift}; {numbers.length(route.drift_total)} in all"
     if caution := wording.caution_length(route):
         yield "caution", f"on {caution}"
     if route.least_chance is not None and route.chance is not None:
@@ -310,17 +324,22 @@ def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
                 yield name, f"{numbers.length(end.length)}, {numbers.length(end.height)} high"
     yield "speed", numbers.quantity(vehicle.speed, "m/s")
     yield "power drawn all the time", numbers.quantity(vehicle.power, "W") if vehicle.power else ""
+    if math.isfinite(vehicle.max_drift):
+        yield "largest drift", numbers.length(vehicle.max_drift)
     kept = (
         ("clearance", margins.clearance, numbers.length), ("step", margins.step, numbers.length),
         ("tip-over", margins.tip, numbers.degrees), ("slope", margins.slope, numbers.degrees),
+        ("slope on soft soil", margins.soil, numbers.degrees),
     )  # fmt: skip
     reserve = ", ".join(f"{name} {words(value)}" for name, value, words in kept if value)
     yield "kept in reserve", reserve
     go = f"{numbers.share(limits.utilisation)} of the soil’s strength, slip "
     go += f"{numbers.share(limits.slip)}, {numbers.share(limits.torque)} of the torque, "
-    yield "go up to", f"{go}{numbers.share(limits.geometry)} of a limit of shape"
+    go += f"{numbers.share(limits.geometry)} of a limit of shape, a drift of "
+    yield "go up to", f"{go}{numbers.degrees(limits.drift)}"
     caution = f"all of the soil’s strength, slip {numbers.share(limits.caution_slip)}, all of the "
-    yield "caution up to", f"{caution}torque, all of a limit of shape"
+    caution += "torque, all of a limit of shape, a drift of "
+    yield "caution up to", f"{caution}{numbers.degrees(limits.caution_drift)}"
 
 
 def _gear(vehicle: Vehicle) -> Iterator[tuple[str, str]]:

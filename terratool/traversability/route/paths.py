@@ -27,6 +27,7 @@ from terratool.traversability.results import (
     Survey,
     Verdict,
 )
+from terratool.traversability.route.drifting import drift_along
 from terratool.traversability.route.graph import (
     cells_between,
     drivable,
@@ -217,6 +218,14 @@ def profile(path: Path, survey: Survey, terrain: Terrain) -> RouteProfile:
     """The profile of a path for reports."""
     names = ("", *terrain.surfaces)
     facing = path.heading, path.row, path.column
+
+    def uphill(judged: NDArray[np.int64], cells: slice) -> NDArray[np.float64]:
+        """Crab angles to the left; a roll above 0 has the left side up."""
+        at = judged, path.row[cells], path.column[cells]
+        return np.copysign(survey.crab[at], survey.roll[at]).astype(np.float64)
+
+    crab = uphill(path.judged, np.s_[:])
+    begins = uphill(path.judged[1:], np.s_[:-1])
     return RouteProfile(
         path.x,
         path.y,
@@ -235,6 +244,8 @@ def profile(path: Path, survey: Survey, terrain: Terrain) -> RouteProfile:
             terrain.pointer(element) or "" if element >= 0 else ""
             for element in terrain.sample(path.x, path.y).element.tolist()
         ),
+        crab,
+        drift_along(path.x, path.y, begins, crab[1:]),
     )
 
 

@@ -37,6 +37,7 @@ from terratool.traversability.route.barriers import (
     barriers,
     blockage_at,
 )
+from terratool.traversability.route.drifting import drift_total
 from terratool.traversability.route.graph import (
     ALLOWED,
     BACKING,
@@ -299,10 +300,17 @@ def with_way_back(route: Route, back: Route) -> Route:
 
     One-way stretches are no reason for caution where there is another way back.
     """
+
+    def own(one: Route) -> Verdict:
+        """The verdict of a way by itself."""
+        if one.profile is None:
+            return one.verdict
+        worst = worst_verdict(one.profile.verdict)
+        return Verdict.CAUTION if worst == Verdict.GO and one.strays else worst
+
     if back.profile is not None and back.found:
-        back = replace(back, one_way=False, against=(), verdict=worst_verdict(back.profile.verdict))
-    own = route.verdict if route.profile is None else worst_verdict(route.profile.verdict)
-    both = (own, back.verdict if back.found else Verdict.NO_GO)
+        back = replace(back, one_way=False, against=(), verdict=own(back))
+    both = (own(route), back.verdict if back.found else Verdict.NO_GO)
     return replace(route, back=back, verdict=max(both, key=RANKS.__getitem__))
 
 
@@ -397,9 +405,12 @@ def _with_way(route: Route, path: Path, on: RouteSite) -> Route:
     steepest = find_extreme(terrain, along_it.pitch, along_it, of_size=True)
     softest = find_extreme(terrain, along_it.sinkage, along_it)
     tightest = find_extreme(terrain, along_it.utilisation, along_it)
+    crab = find_extreme(terrain, np.abs(along_it.crab), along_it)
+    drift = find_extreme(terrain, np.abs(along_it.drift), along_it)
     verdict, one_way = worst_verdict(along_it.verdict), not _leads_back(path, on)
     chance, least_chance = _chances(path, along_it, on)
-    if one_way and RANKS[verdict] < RANKS[Verdict.CAUTION]:
+    strays = drift is not None and drift.value > on.vehicle.max_drift
+    if (one_way or strays) and verdict == Verdict.GO:
         verdict = Verdict.CAUTION
     return replace(
         route,
@@ -417,6 +428,10 @@ def _with_way(route: Route, path: Path, on: RouteSite) -> Route:
         against=barriers(on, reversed_path(path, survey.headings)) if one_way else (),
         chance=chance,
         least_chance=least_chance,
+        drift=drift and replace(drift, reason=Reason.NONE),
+        crab=crab and replace(crab, reason=Reason.NONE),
+        drift_total=drift_total(along_it),
+        strays=strays,
     )
 
 
