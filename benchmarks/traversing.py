@@ -15,7 +15,7 @@ from terratool.raster.export import RasterRequest, export_dem
 from terratool.raster.grid import grid_over
 from terratool.text.source import Source
 from terratool.traversability.assess import Request, assess, prepare_assessment
-from terratool.traversability.vehicle import Axle, Vehicle, Wheel
+from terratool.traversability.vehicle import Axle, Vehicle, Wheel, load_vehicle
 
 VEHICLE = Vehicle(
     Wheel(0.2, 0.15, 40.0),
@@ -29,9 +29,14 @@ VEHICLE = Vehicle(
 """The size of a common research rover."""
 
 
-def mapped(terrain: Terrain, request: Request, out: Path | None = None) -> None:
+VEHICLES = Path(__file__).parent.parent / "samples" / "vehicles"
+
+
+def mapped(
+    terrain: Terrain, request: Request, out: Path | None = None, vehicle: Vehicle = VEHICLE
+) -> None:
     """Judge every pixel, and write the map if that is wanted."""
-    prepared = prepare_assessment(terrain, VEHICLE, request, map_path=out, overwrite=True)
+    prepared = prepare_assessment(terrain, vehicle, request, map_path=out, overwrite=True)
     assess(prepared, map_path=out, overwrite=True)
 
 
@@ -80,6 +85,28 @@ def sampled(pixels: int, runs: int) -> None:
         )
 
 
+def geared(pixels: int, runs: int) -> None:
+    """Measure what tracks and feet cost against wheels, on the rougher terrain."""
+    terrain = Terrain(check(Source("s2", terrains.text(terrains.s2()))))
+    request = Request(resolution=grid_over(terrain, 100 / pixels).resolution)
+    kinds = {"wheels": "husky-a200", "tracks": "superdroid-hd2", "feet": "unitree-b2"}
+    vehicles = {kind: load_vehicle(VEHICLES / f"{name}.json") for kind, name in kinds.items()}
+    seconds = medians(
+        {
+            kind: lambda vehicle=vehicle: mapped(terrain, request, vehicle=vehicle)
+            for kind, vehicle in vehicles.items()
+        },
+        runs,
+    )
+    for kind in ("tracks", "feet"):
+        each = 1e6 * seconds[kind] / pixels**2
+        line(
+            f"S2 {pixels}², 8 headings: {kind} against wheels ({each:.1f} µs/pixel)",
+            seconds[kind] / seconds["wheels"],
+            "none",
+        )
+
+
 def compare(name: str, terrain: Terrain, pixels: int, folder: Path, runs: int) -> None:
     """Measure one terrain."""
     grid = grid_over(terrain, 100 / pixels)
@@ -111,3 +138,4 @@ if __name__ == "__main__":
             compare(name, Terrain(definition), size, Path(folder), runs)
         slipping(size, runs)
         sampled(size, runs)
+        geared(size, runs)

@@ -619,6 +619,7 @@ class Definition:
         sonar_refl: float | None = None,
         shear_modulus: float | Sequence[float] | None = None,
         rolling_resistance: float | Sequence[float] | None = None,
+        unit_weight: float | None = None,
         void: bool | None = None,
         roughness: Mapping[str, Any] | None = None,
         x_ignore: str | Sequence[str] | None = None,

@@ -145,7 +145,7 @@ def judged(
     )
     wheels = np.array([[wheel, 0, 0] for wheel in range(len(wheel_layout(vehicle).x))])
     stance = Stance(
-        np.stack([flat, -across[None], along[None]]), flat, flat, flat, flat, flat,
+        np.stack([flat, -across[None], along[None]]), flat, flat, flat, flat, flat, flat,
         np.zeros(shape, np.bool_), under(ids, np.uint8), *pressed, 0, wheels,
     )  # fmt: skip
     out = Verdicts(*np.empty((3, *shape), np.uint8), np.empty((kernels.PLANES, *shape), np.float32))

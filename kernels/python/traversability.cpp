@@ -1,4 +1,5 @@
 // What Python sees of kernels/traversability.
+#include "../traversability/belts.hpp"
 #include "../traversability/routing.hpp"
 #include "../traversability/samples.hpp"
 #include "../traversability/turning.hpp"
@@ -93,7 +94,7 @@ public:
 
 Drive drive(const Layout& layout, In load, const Soils& soil, double pull, Out sinkage) {
     auto wheels = wheels_on(layout, soil);
-    for (std::size_t n = 0; n < load.size(); ++n) wheels[n].load = load[n];
+    give_loads(wheels, layout, load);
     Drive found = drive_wheels(wheels, pull);
     for (std::size_t n = 0; n < load.size(); ++n) sinkage[n] = depth_of(wheels, i64(n));
     return found;
@@ -109,6 +110,15 @@ void demands(In load, const Soils& soils, In pull, const Wheel& wheel, Span<Dema
         double torque = need.power > 0.0 ? need.torque : 0.0 - need.torque;  // a brake
         out[n] = {torque, need.utilisation, need.slip, one[0].sinkage};
     }
+}
+
+// The shares of a foothold's limits, whatever type surfaces have.
+void rate_footholds_of(
+    Heights heights,
+    const std::variant<Matrix<const u8>, Matrix<const u16>, Matrix<const u32>>& ids,
+    const FootholdLimits& limits, Matrix<float> out
+) {
+    std::visit([&](auto surfaces) { rate_footholds(heights, surfaces, limits, out); }, ids);
 }
 
 // Samples are marked in as many words as there are.
@@ -294,6 +304,22 @@ void bind_traversability(nb::module_ m) {
         m, "roughness", "RMS distance of the ground at offsets from its plane.",
         {"ground[_,_,_]", "first", "offsets[k,3]", "shifts[k,2]", "plane[3,h,w]", "spread[3]",
          "out[h,w]"}
+    );
+    def<&rest_belts>(
+        m, "rest_belts", "The plane that two rigid belts rest on.",
+        {"ground[_,p,c]", "first", "belts", "out[3,_,_]"}
+    );
+    def<&rate_footholds_of>(
+        m, "rate_footholds", "The largest share of a foothold's limits that a foot takes.",
+        {"heights[h,w]", "surfaces[h,w]", "limits", "out[h,w]"}
+    );
+    def<&choose_footholds>(
+        m, "choose_footholds", "The best foothold within reach of every pixel.",
+        {"heights[h,w]", "shares[h,w]", "foot", "height[h,w]", "share[h,w]"}
+    );
+    def<&departures>(
+        m, "departures", "How far ground at offsets is from its plane at most.",
+        {"ground[_,_,_]", "first", "offsets[k,3]", "shifts[k,2]", "plane[3,h,w]", "out[h,w]"}
     );
     def<&raise_steps>(
         m, "raise_steps", "Mark pixels beside walls with the step that a wheel meets.",

@@ -10,21 +10,20 @@ namespace terratool::traversability {
 
 // The soils of a terrain by id, and the highest step on each, m, sample by sample.
 struct SoilSamples {
-    Matrix<const double> cohesion, tan_friction, sinkage, shear_modulus, rolling, steps;
+    Matrix<const double> cohesion, tan_friction, sinkage, shear_modulus, rolling, exponent, steps;
 
     i64 count() const { return steps.rows(); }
     Soil operator()(i64 sample, i64 id) const {
-        return {
-            cohesion(sample, id), tan_friction(sample, id), sinkage(sample, id),
-            shear_modulus(sample, id), rolling(sample, id)
-        };
+        return {cohesion(sample, id),      tan_friction(sample, id), sinkage(sample, id),
+                shear_modulus(sample, id), rolling(sample, id),      exponent(sample, id)};
     }
 };
 
 template <class Visit> void visit_arguments(SoilSamples& s, Visit visit) {
     visit("cohesion[n,s]", s.cohesion), visit("tan_friction[n,s]", s.tan_friction);
     visit("sinkage[n,s]", s.sinkage), visit("shear_modulus[n,s]", s.shear_modulus);
-    visit("rolling[n,s]", s.rolling), visit("steps[n,s]", s.steps);
+    visit("rolling[n,s]", s.rolling), visit("exponent[n,s]", s.exponent);
+    visit("steps[n,s]", s.steps);
 }
 
 // A set of samples.

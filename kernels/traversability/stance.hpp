@@ -82,6 +82,11 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
     }
     out.share = drive.utilisation, out.torque = drive.torque_used, out.slip = drive.slip;
     out.sliding = share_of(v.weight * sin(atan(slope)), holding);
+    if (v.layout.wheels.gear == FEET) {
+        // feet stand on their footholds, which may be level where the body is not, as on stairs
+        out.share = out.sliding = 0.0;
+        out.energy = max(0.0, -v.weight * g.forward);
+    }
     g = gravity(tilt_along, tilt_across);
     out.tipping = tipping(v.layout, g);
     out.reserve = tip_reserve(v.layout, g);
@@ -291,6 +296,7 @@ struct Stance {
     Heights bump, front, rear;  // how far ground stands above it under body and overhangs, m
     Heights rough;              // RMS distance of the ground from its plane, m; NaN for not known
     Heights step;               // the highest ahead of the wheels, m
+    Heights foothold;           // the largest share of what a foothold permits; 0 for none
     Matrix<const bool> beyond;  // whether it reaches beyond the terrain
     SurfaceIds surfaces;
     Ground first_pass, passes, exponent;  // as in `Pressed`; none where there is no rut
@@ -301,7 +307,8 @@ struct Stance {
 template <class Visit> void visit_arguments(Stance& s, Visit visit) {
     visit("plane[3,h,w]", s.plane), visit("bump[h,w]", s.bump), visit("front[h,w]", s.front);
     visit("rear[h,w]", s.rear), visit("rough[h,w]", s.rough), visit("step[h,w]", s.step);
-    visit("beyond[h,w]", s.beyond), visit("surfaces", s.surfaces);
+    visit("foothold[h,w]", s.foothold), visit("beyond[h,w]", s.beyond),
+        visit("surfaces", s.surfaces);
     visit("?first_pass[r,p,c]", s.first_pass), visit("?passes[r,p,c]", s.passes);
     visit("?exponent[r,p,c]", s.exponent), visit("first", s.first);
     visit("wheels[_,3]", s.wheels);
@@ -337,6 +344,7 @@ INLINE Judgement judge_shape(
     judged.add(Reason::TIP_OVER, need.tipping, shape, false);
     double step = stance.step(i, j);
     judged.add(Reason::STEP, share_of(step > 0.0 ? step + off.step : step, limit), shape, false);
+    judged.add(Reason::FOOTHOLD, stance.foothold(i, j), shape, true);
     if (stance.rough(i, j) > 0.0f) {
         double share = share_of(stance.rough(i, j), v.roughness);
         judged.add(Reason::ROUGHNESS, share, shape, false);

@@ -46,6 +46,7 @@
 #pragma once
 
 #include "../field/tracks.hpp"
+#include "track.hpp"
 
 namespace terratool::traversability {
 
@@ -78,6 +79,9 @@ struct Wheel {
     double max_torque = INF, max_slip = 1.0;
     bool slips = true;     // the model `slip`; else `paper`
     double rolling = 0.0;  // resistance of the wheel itself on hard ground, by its load
+    i64 gear = WHEELS;     // `Gear`: also a section of a track, or a foot
+    double length = 0.0;   // L of the track that it is a section of, m
+    double area = 0.0;     // that this track has on the ground, or a foot, m²
 };
 
 template <class Visit> void visit_arguments(Wheel& w, Visit visit) {
@@ -86,14 +90,16 @@ template <class Visit> void visit_arguments(Wheel& w, Visit visit) {
     visit("grouser_height", w.grouser_height), visit("tread", w.tread);
     visit("max_torque", w.max_torque), visit("max_slip", w.max_slip), visit("slips", w.slips);
     visit("rolling", w.rolling);
+    visit("gear", w.gear), visit("length", w.length), visit("area", w.area);
 }
 
 struct Soil {
-    double cohesion;       // c; NaN for a soil that is not known
-    double tan_friction;   // tan φ
-    double sinkage;        // k, m/N
-    double shear_modulus;  // K, m; 0 where it is not known: all strength is mobilised at any slip
-    double rolling = 0.0;  // resistance of the ground beside that of sinking in, by a wheel's load
+    double cohesion;        // c; NaN for a soil that is not known
+    double tan_friction;    // tan φ
+    double sinkage;         // k, m/N
+    double shear_modulus;   // K, m; 0 where it is not known: all strength is mobilised at any slip
+    double rolling = 0.0;   // resistance of the ground beside that of sinking in, by a wheel's load
+    double exponent = 1.0;  // n: pressure under a plate grows with the power n of its sinkage
 };
 
 // What wheels have done to the ground: so many passes, of which the deepest was `first` deep when
@@ -127,6 +133,7 @@ struct Contact {
     double softness;       // f, 0 in the model `paper`
     double rolling = 0.0;  // rolling resistance, at the rim, N: a motor pays for it, grip does not
     double drag = 0.0;     // a further force backwards, N
+    bool flat = false;     // a track: its strength acts by a mean along it
 
     // z as the wheel slips.
     double sinkage(double slip, double radius) const {
@@ -138,17 +145,20 @@ struct Contact {
     // A, the share of the strength that a slip mobilises.
     double share(double slip) const {
         if (reach == 0.0) return 1.0;
-        return mobilised(max(slip * reach + (1.0 - slip) * still, 0.0));
+        return mobilised(max(slip * reach + (1.0 - slip) * still, 0.0), flat);
     }
 
     // The slip that mobilises a share; infinity from a share of 1 on.
     double slip_for(double share) const {
         if (reach == 0.0) return 0.0;
         if (share >= 1.0) return INF;
+        if (flat) return mean_shear(share) / reach;
         return max(0.0, (2.0 * share / (1.0 - share) - still) / (reach - still));
     }
 
-    static double mobilised(double x) { return x < INF ? x / (x + 2.0) : 1.0; }
+    static double mobilised(double x, bool flat) {
+        return flat ? mean_mobilised(x) : x < INF ? x / (x + 2.0) : 1.0;
+    }
 };
 
 // The angle from the downward vertical at which a wheel meets the ground that it sinks into.
@@ -199,6 +209,11 @@ INLINE Contact paper_contact(double rest, double load, const Wheel& wheel, const
 
 // The contact of a wheel that sinks in by `rest` under a load.
 INLINE Contact contact_sunk(double rest, double load, const Wheel& wheel, const Soil& soil) {
+    if (wheel.gear != WHEELS) {
+        Contact flat{rest, 0.0, 0.0, 0.0, 1.0, 0.0, wheel.radius};
+        flat.softness = rest > 0.0 ? 1.0 : 0.0;  // as far off as a wheel, until it is measured
+        return flat;
+    }
     if (!wheel.slips) return paper_contact(rest, load, wheel, soil);
     double entry = entry_angle(rest, wheel), sine = sin(AHEAD * entry);
     double soft = -expm1(-entry / SOFT);
@@ -352,11 +367,12 @@ INLINE SideForce side_force(const Contact& at, double slip, double tangent) {
 
 // Soils, member by member.
 struct Soils {
-    In cohesion, tan_friction, sinkage, shear_modulus, rolling;
+    In cohesion, tan_friction, sinkage, shear_modulus, rolling, exponent;
 
     i64 size() const { return count_of(cohesion); }
     Soil operator[](std::size_t n) const {
-        return {cohesion[n], tan_friction[n], sinkage[n], shear_modulus[n], rolling[n]};
+        return {cohesion[n],      tan_friction[n], sinkage[n],
+                shear_modulus[n], rolling[n],      exponent[n]};
     }
 };
 
@@ -364,6 +380,7 @@ template <class Visit> void visit_arguments(Soils& s, Visit visit) {
     visit("cohesion[n]", s.cohesion), visit("tan_friction[n]", s.tan_friction);
     visit("sinkage[n]", s.sinkage), visit("shear_modulus[n]", s.shear_modulus);
     visit("rolling[n]", s.rolling);
+    visit("exponent[n]", s.exponent);
 }
 
 // What `one` makes of each of `count` numbers.

@@ -37,6 +37,7 @@ struct TurningWheel {
     double rolling;   // R, N
     double most;      // that its motor lets it push with, N; 0 where it does not push
     double reach, arm;
+    bool flat;  // a section of a track
 
     struct Forces {
         double along, across, slipping;  // N, and by how much its tread is faster than the ground
@@ -49,7 +50,7 @@ struct TurningWheel {
         double sliding = hypot(slipping, skidding), tread = y + slipping;
         if (sliding == 0.0) return {0.0, 0.0, slipping};
         double share =
-            tread > 0.0 && reach > 0.0 ? Contact::mobilised(reach * sliding / tread) : 1.0;
+            tread > 0.0 && reach > 0.0 ? Contact::mobilised(reach * sliding / tread, flat) : 1.0;
         double each = strength * share / sliding;
         return {each * slipping, each * skidding, slipping};
     }
@@ -150,7 +151,8 @@ inline Turn turn_on_spot(
     constexpr int halvings = 60;
     auto wheels = wheels_on(layout, soil);
     // none runs in the track of another
-    for (std::size_t n = 0; n < load.size(); ++n) wheels[n].load = load[n], wheels[n].ahead = -1;
+    give_loads(wheels, layout, load);
+    for (LoadedWheel& f : wheels) f.ahead = -1;
     sink_wheels(wheels);
     auto turning = [&](bool motors) {
         return Turning(each(wheels.size(), [&](std::size_t n) {
@@ -163,7 +165,8 @@ inline Turn turn_on_spot(
                 towed(f.load, f.contact),
                 f.driven && beside > 0.0 ? most : 0.0,
                 f.contact.reach,
-                f.contact.arm
+                f.contact.arm,
+                f.contact.flat
             };
         }));
     };

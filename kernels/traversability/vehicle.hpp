@@ -10,19 +10,26 @@ namespace terratool::traversability {
 // Wheels, member by member.
 struct Wheels {
     In radius, width, shear_length, patch_pressure, grouser_height, tread, max_torque, rolling;
+    In length, area;
     bool slips;
+    i64 gear;
 
     Wheel operator[](std::size_t n) const {
-        return {radius[n],
-                width[n],
-                shear_length[n],
-                patch_pressure[n],
-                grouser_height[n],
-                tread[n],
-                max_torque[n],
-                1.0,
-                slips,
-                rolling[n]};
+        return {
+            radius[n],
+            width[n],
+            shear_length[n],
+            patch_pressure[n],
+            grouser_height[n],
+            tread[n],
+            max_torque[n],
+            1.0,
+            slips,
+            rolling[n],
+            gear,
+            length[n],
+            area[n]
+        };
     }
 };
 
@@ -31,7 +38,8 @@ template <class Visit> void visit_arguments(Wheels& w, Visit visit) {
     visit("shear_length[w]", w.shear_length), visit("patch_pressure[w]", w.patch_pressure);
     visit("grouser_height[w]", w.grouser_height), visit("tread[w]", w.tread);
     visit("max_torque[w]", w.max_torque), visit("rolling[w]", w.rolling);
-    visit("slips", w.slips);
+    visit("length[w]", w.length), visit("area[w]", w.area);
+    visit("slips", w.slips), visit("gear", w.gear);
 }
 
 // The wheels of a vehicle; terratool/traversability/limits.py says what it means.
@@ -42,11 +50,13 @@ struct Layout {
     double multipass;  // a of passes one after the other
     Matrix<const double> edges;
     Wheels wheels;
+    TrackPair tracks;  // sections from the front, the left one before the right one
 };
 
 template <class Visit> void visit_arguments(Layout& l, Visit visit) {
     visit("shares[w,3]", l.shares), visit("driven[w]", l.driven), visit("ahead[w]", l.ahead);
     visit("multipass", l.multipass), visit("edges[_,3]", l.edges), visit("wheels", l.wheels);
+    visit("tracks", l.tracks);
 }
 
 // A vehicle in SI units, its margins taken off; terratool/traversability/survey.py.
@@ -122,6 +132,7 @@ struct LoadedWheel {
     double slip = 0.0;
     double sinkage = 0.0;  // as it slips, m
     Contact contact{};
+    double part = 1.0, touching = 1.0;  // of its track's load, and how much of that touches
 
     // How deep it stands under the ground as it was before the vehicle came.
     double below() const { return found - ground.depth() + sinkage; }
@@ -149,11 +160,56 @@ inline std::vector<LoadedWheel> wheels_on(const Layout& layout, const Soils& soi
     return wheels;
 }
 
+// Let the sections of two tracks bear a weight; whether the vehicle would tip over. Left and right
+// have the same shares along them. What of a track is lifted neither bears nor holds.
+inline bool load_tracks(
+    LoadedWheels wheels, const Layout& layout, double weight, const Gravity& g
+) {
+    const TrackPair& t = layout.tracks;
+    double across = t.height * g.left / (g.down * t.apart);
+    double e = t.height * g.forward / g.down - t.middle, most = (0.5 - 1e-6) * t.length;
+    bool tips = abs(across) > 0.5 || abs(e) > most;
+    across = clamp(across, -0.5, 0.5), e = clamp(e, -most, most);
+    i64 sections = count_of(wheels) / 2;
+    double each = t.length / double(sections), touching = pressed_length(t.length, e) / t.length;
+    for (i64 n = 0; n < count_of(wheels); ++n) {
+        LoadedWheel& f = wheels[n];
+        i64 place = e >= 0.0 ? n / 2 : sections - 1 - n / 2;
+        double share = pressed_share(t.length, abs(e), each * double(place + 1))
+            - pressed_share(t.length, abs(e), each * double(place));
+        f.load = weight * g.down * (n % 2 ? 0.5 - across : 0.5 + across) * share;
+        f.part = share, f.touching = touching;
+        f.wheel.max_torque = layout.wheels.max_torque[n] * share;
+    }
+    return tips;
+}
+
+// Let the wheels bear these loads; sections of tracks take what of their tracks' that is.
+inline void give_loads(LoadedWheels wheels, const Layout& layout, In loads) {
+    for (std::size_t n = 0; n < loads.size(); ++n) wheels[n].load = loads[n];
+    const TrackPair& t = layout.tracks;
+    if (!(t.length > 0.0)) return;
+    i64 sections = count_of(wheels) / 2;
+    for (i64 side = 0; side < 2; ++side) {
+        double total = 0.0, e = 0.0;
+        for (i64 n = side; n < count_of(wheels); n += 2) {
+            total += wheels[n].load;
+            e += wheels[n].load * t.length * (0.5 - (double(n / 2) + 0.5) / double(sections));
+        }
+        for (i64 n = side; n < count_of(wheels) && total > 0.0; n += 2) {
+            wheels[n].part = wheels[n].load / total;
+            wheels[n].touching = pressed_length(t.length, e / total) / t.length;
+            wheels[n].wheel.max_torque = layout.wheels.max_torque[n] * wheels[n].part;
+        }
+    }
+}
+
 // Let the wheels bear a weight; whether one would be pulled up.
 // Such a wheel bears nothing, and the others as much as there is.
 inline bool load_wheels(
     LoadedWheels wheels, const Layout& layout, double weight, const Gravity& g
 ) {
+    if (layout.tracks.length > 0.0) return load_tracks(wheels, layout, weight, g);
     double total = 0.0;
     bool lifted = false;
     for (i64 n = 0; n < count_of(wheels); ++n) {
@@ -166,6 +222,19 @@ inline bool load_wheels(
     if (lifted && total > 0.0)
         for (LoadedWheel& f : wheels) f.load *= weight * g.down / total;
     return lifted;
+}
+
+// What holds a section of a track, or a foot: all of it lies on the ground.
+inline void hold_flat(LoadedWheel& f) {
+    const Soil& soil = f.soil;
+    Contact& at = f.contact;
+    double area = f.load > 0.0 ? f.wheel.area * f.part * f.touching : 0.0;
+    at.friction = soil.tan_friction, at.cohesion = soil.cohesion, at.flat = true;
+    at.shear_area = held_area(area, f.load, soil.cohesion, soil.tan_friction);
+    at.grip = at.cohesion * at.shear_area + f.load * at.friction;
+    at.length = f.wheel.length;
+    if (f.wheel.gear == TRACKS && soil.shear_modulus > 0.0)
+        at.reach = at.length / soil.shear_modulus;
 }
 
 // Let a loaded wheel sink in, at rest, in the ground that those ahead in its line have pressed,
@@ -192,11 +261,27 @@ inline void sink_wheel(LoadedWheels wheels, LoadedWheel& f) {
         f.rest = min(press(f.rest), f.rest);
     }
     f.contact = contact_sunk(f.rest, f.load, f.wheel, f.soil);
+    if (f.wheel.gear != WHEELS) hold_flat(f);
     f.slip_at(0.0);
+}
+
+// Let the sections of tracks be held back by the soil that they press down: of a track each does
+// what those ahead have left. Per metre that is b p z/(n + 1) where the pressure is p.
+inline void drag_tracks(LoadedWheels wheels) {
+    i64 sections = count_of(wheels) / 2;
+    std::array<double, 2> done{};
+    for (i64 n = 0; n < count_of(wheels); ++n) {
+        LoadedWheel& f = wheels[n];
+        double each = f.wheel.length / double(sections);
+        double work = f.load * f.rest / (each * (f.soil.exponent + 1.0));
+        f.contact.drag = max(work - done[n % 2], 0.0);
+        done[n % 2] = max(done[n % 2], work);
+    }
 }
 
 inline void sink_wheels(LoadedWheels wheels) {
     for (LoadedWheel& f : wheels) sink_wheel(wheels, f);
+    if (!wheels.empty() && wheels[0].wheel.gear == TRACKS) drag_tracks(wheels);
 }
 
 // How deep a wheel stands under the ground as it was: no higher than those ahead, as they slip,
@@ -329,7 +414,8 @@ INLINE double share_of(double size, double limit) {
 }
 
 INLINE void add_torque(Drive& drive, const LoadedWheel& f, double torque) {
-    drive.torque = max(drive.torque, abs(torque));
+    double whole = f.part > 0.0 ? abs(torque) / f.part : 0.0;  // of a track
+    drive.torque = max(drive.torque, whole);
     drive.torque_used = max(drive.torque_used, share_of(abs(torque), f.wheel.max_torque));
     drive.slip = max(drive.slip, f.load > 0.0 ? f.slip : 0.0);
     // a wheel that brakes gives nothing back

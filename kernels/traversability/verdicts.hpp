@@ -25,7 +25,8 @@ enum class Reason : u8 {
     APPROACH,
     ROUGHNESS,
     TURNING,
-    DRIFT
+    DRIFT,
+    FOOTHOLD
 };
 
 template <class Visit> void visit_enumerators(Verdict, Visit visit) {
@@ -40,7 +41,7 @@ template <class Visit> void visit_enumerators(Reason, Visit visit) {
     visit("SLIP", SLIP), visit("SINKAGE", SINKAGE), visit("SIDE_SLIP", SIDE_SLIP);
     visit("TIP_OVER", TIP_OVER), visit("STEP", STEP), visit("HIGH_CENTRED", HIGH_CENTRED);
     visit("APPROACH", APPROACH), visit("ROUGHNESS", ROUGHNESS);
-    visit("TURNING", TURNING), visit("DRIFT", DRIFT);
+    visit("TURNING", TURNING), visit("DRIFT", DRIFT), visit("FOOTHOLD", FOOTHOLD);
 }
 
 // What follows from the measures so far.

@@ -41,6 +41,8 @@ _MADE_OF: dict[type, type] = {
     document.PlaceKeys: results.Location,
     document.WheelKeys: vehicle.Wheel,
     document.AxleKeys: vehicle.Axle,
+    document.TracksKeys: vehicle.Tracks,
+    document.FeetKeys: vehicle.Feet,
     document.OverhangKeys: vehicle.Overhang,
     document.MarginKeys: vehicle.Margins,
     document.ThresholdKeys: vehicle.Thresholds,

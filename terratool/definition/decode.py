@@ -23,6 +23,7 @@ from terratool.definition.keys import (
     NEVER,
     REQUIRED,
     SLOTS,
+    UNNEEDED,
     Kind,
     Nested,
     QuickCheck,
@@ -49,8 +50,10 @@ from terratool.definition.vehicle import (
     BatteryText,
     ClassesText,
     CogText,
+    FeetText,
     MarginsText,
     OverhangText,
+    TracksText,
     VehicleText,
     WheelsText,
 )
@@ -67,6 +70,7 @@ _SUBJECTS: dict[type, str] = {
     Surface: "a surface", Roughness: "a roughness", Primitive: "a primitive",
     GridFile: "a grid file", SurfaceGrid: "a surface grid", Element: "an element", Track: "a track",
     VehicleText: "a vehicle", WheelsText: "the wheels", AxleText: "an axle",
+    TracksText: "the tracks", FeetText: "the feet",
     CogText: "the centre of gravity", OverhangText: "the overhang",
     BatteryText: "the battery", MarginsText: "the margins", ClassesText: "the classes",
     SensorText: "a sensor", NoiseText: "the noise", LidarText: "the lidar",
@@ -231,9 +235,9 @@ class _Decoder:
             if key not in value:
                 hint = f'Add "{key}", {KEYS[kind][key].words}.'
                 self.add("TT104", pointer, f'{name} has no "{key}".', hint)
-        for (one, other), hint in ALTERNATIVES.get(kind, {}).items():
-            if one not in value and other not in value:
-                message = f'{name} has neither "{one}" nor "{other}".'
+        for keys, hint in ALTERNATIVES.get(kind, {}).items():
+            if not any(key in value for key in (*keys, *UNNEEDED.get(keys, ()))):
+                message = f"{name} has neither {' nor '.join(map(quote, keys))}."
                 self.add("TT104", pointer, message, hint)
         return kind(**fields)
 

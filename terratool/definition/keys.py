@@ -47,18 +47,22 @@ from terratool.definition.vehicle import (
     BatteryText,
     ClassesText,
     CogText,
+    FeetText,
     MarginsText,
     OverhangText,
+    TracksText,
     VehicleText,
     WheelsText,
 )
 
 REQUIRED: dict[type, tuple[str, ...]] = {
-    VehicleText: ("mass", "wheels", "track", "cog", "clearance"),
+    VehicleText: ("mass", "track", "cog", "clearance"),
     WheelsText: ("radius", "width"),
     AxleText: ("x",),
     CogText: ("height",),
     BatteryText: ("capacity",),
+    TracksText: ("length", "width", "radius"),
+    FeetText: ("diameter", "length", "stepHeight"),
     Roughness: ("rms", "correlation"),
     SensorText: ("range",),
     LidarText: ("elevations", "azimuthStep"),
@@ -68,15 +72,20 @@ REQUIRED: dict[type, tuple[str, ...]] = {
     PatchText: ("radius",),
 }
 """Keys that an object must have; rules look for those of terrains, elements and tracks."""
-ALTERNATIVES: dict[type, dict[tuple[str, str], str]] = {
+GEARS = ("wheels", "tracks", "feet")
+"""Keys of a vehicle of which it has one: what it stands on."""
+ALTERNATIVES: dict[type, dict[tuple[str, ...], str]] = {
     VehicleText: {
+        GEARS: 'Add what it stands on: "wheels", "tracks" or "feet", an object.',
         ("axles", "wheelbase"): 'Add "axles", or "wheelbase" for two driven axles.',
     },
     CameraText: {
         ("fov", "focal"): 'Add "fov", the angle of view in degrees, or "focal" in pixels.',
     },
 }
-"""Pairs of keys of which an object must have one, and the hint where it has neither."""
+"""Keys of which an object must have one, and the hint where it has none."""
+UNNEEDED: dict[tuple[str, ...], tuple[str, ...]] = {("axles", "wheelbase"): ("tracks", "feet")}
+"""Keys beside which none of some alternatives is needed."""
 
 
 class _Keys(dict[Shape, dict[str, Key]]):
@@ -136,6 +145,8 @@ NESTED: dict[type, dict[str, Nested]] = {
     Element: {"children": Nested(Element, "list", "an element")},
     VehicleText: {
         "wheels": Nested(WheelsText),
+        "tracks": Nested(TracksText),
+        "feet": Nested(FeetText),
         "cog": Nested(CogText),
         "overhang": Nested(OverhangText),
         "battery": Nested(BatteryText),

@@ -117,6 +117,7 @@ class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", k
     sonar_refl: float | UnsetType = UNSET
     shear_modulus: SoilFigure | UnsetType = UNSET
     rolling_resistance: SoilFigure | UnsetType = UNSET
+    unit_weight: float | UnsetType = UNSET
     void: bool | UnsetType = UNSET
     roughness: Roughness | UnsetType = UNSET
 
@@ -462,6 +463,12 @@ TERRAIN_KEYS: dict[Shape, dict[str, Key]] = {
         ).describe(
             "Force over load with which this ground resists rolling, beside what sinking in takes"
             + _EVEN, 0.013, [0.01, 0.02], default=0,
+        ),
+        "unitWeight": Key(
+            "a weight in kN/m³, above 0 and up to 1000", "number", 0, 1000, open_low=True,
+        ).describe(
+            "Weight γ of a volume of the soil under the gravity there, kN/m³; for what feet may "
+            "load it with.", 15, default=15,
         ),
         "void": FLAG.describe(
             "There is no ground here: no height, a gap in meshes, nothing drives.", True,

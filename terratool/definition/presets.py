@@ -47,6 +47,7 @@ class Preset(Struct, frozen=True):
         rolling: coefficient of rolling resistance of tyres on hard ground; 0 where none was found,
             and on soils, whose resistance follows from sinkage.
         rolling_source: source of that coefficient.
+        unit_weight: weight γ of its volume, kN/m³, an assumption but for the Moon's.
     """
 
     descr: str
@@ -60,6 +61,7 @@ class Preset(Struct, frozen=True):
     source: str = WONG
     rolling: float = 0.0
     rolling_source: str = ""
+    unit_weight: float = 15.0
 
     @property
     def is_hard(self) -> bool:
@@ -111,10 +113,10 @@ PRESETS: dict[str, Preset] = {
     "upland-sandy-loam": Preset(
         "upland sandy loam, 51 % moisture", 1.10, 74.6, 2080, 3.3, 33.7, 0.025, _LOAM
     ),
-    "snow-us": Preset("snow (US)", 1.6, 4.37, 196.72, 1.03, 19.7, 0.04, IAGNEMMA),
-    "snow-sweden": Preset("snow (Sweden)", 1.44, 10.55, 66.08, 6, 20.7, 0.04, _SNOW),
+    "snow-us": Preset("snow (US)", 1.6, 4.37, 196.72, 1.03, 19.7, 0.04, IAGNEMMA, unit_weight=3),
+    "snow-sweden": Preset("snow (Sweden)", 1.44, 10.55, 66.08, 6, 20.7, 0.04, _SNOW, unit_weight=3),
     "lunar-nominal": Preset(
-        "lunar soil, nominal", 1, 1.4, 820, 0.17, 35, 0.018, SOURCEBOOK, SOURCEBOOK
+        "lunar soil, nominal", 1, 1.4, 820, 0.17, 35, 0.018, SOURCEBOOK, SOURCEBOOK, unit_weight=2.7
     ),
     "concrete": _hard("dry concrete or asphalt", 0.75, 0.015, f"{CARVILL}: 0.01 new, 0.02 worn"),
     "asphalt-wet": _hard("wet asphalt", 0.45, 0.02, f"{CARVILL}: worn asphalt"),
@@ -148,6 +150,7 @@ def property_of(surface: Surface, attribute: str) -> Any:
         "cohesion": preset.cohesion,
         "fric_angle": preset.fric_angle,
         "shear_modulus": preset.shear_modulus or UNSET,
+        "unit_weight": preset.unit_weight,
         "sinkage": 0.0 if preset.is_hard else UNSET,
         "rolling_resistance": preset.rolling,
     }

@@ -124,7 +124,12 @@ _BEYOND_KEYS: dict[Shape, Json] = {
     Repeat: {"required": ["count", "step"]},
     Scatter: {"required": ["sizes"], **_one_of("count", "density", by="oneOf")},
     Track: {"required": ["path", "width"], **_one_of("load", "depth")},
-    VehicleText: _one_of("axles", "wheelbase"),
+    VehicleText: {
+        "oneOf": [
+            {"required": ["wheels"], **_one_of("axles", "wheelbase")},
+            *(_needs(key, axles=False, wheelbase=False) for key in ("tracks", "feet")),
+        ]
+    },
     SensorText: _one_of("lidar", "camera", "sonar", by="oneOf"),
     LidarText: {
         "dependentSchemas": {

@@ -99,6 +99,29 @@ class AxleText(WheelText, frozen=True, rename="camel", kw_only=True):
         return self.driven is not False
 
 
+class TracksText(Struct, frozen=True, rename="camel", kw_only=True):
+    """A pair of tracks, in place of wheels."""
+
+    length: float | UnsetType = UNSET
+    width: float | UnsetType = UNSET
+    radius: float | UnsetType = UNSET
+    front_height: float | UnsetType = UNSET
+    approach_angle: float | UnsetType = UNSET
+    max_torque: float | UnsetType = UNSET
+    max_slip: float | UnsetType = UNSET
+
+
+class FeetText(Struct, frozen=True, rename="camel", kw_only=True):
+    """Pairs of feet, in place of wheels."""
+
+    diameter: float | UnsetType = UNSET
+    length: float | UnsetType = UNSET
+    step_height: float | UnsetType = UNSET
+    reach: float | UnsetType = UNSET
+    pairs: int | UnsetType = UNSET
+    bearing_feet: int | UnsetType = UNSET
+
+
 class CogText(Struct, frozen=True, rename="camel", kw_only=True):
     """Centre of gravity; ranges of its place go with different loads."""
 
@@ -151,6 +174,8 @@ class VehicleText(Struct, frozen=True, rename="camel", kw_only=True):
     mass: float | Pair | UnsetType = UNSET
     gravity: float | str | UnsetType = UNSET
     wheels: WheelsText = WheelsText()
+    tracks: TracksText | UnsetType = UNSET
+    feet: FeetText | UnsetType = UNSET
     axles: tuple[AxleText, ...] | UnsetType = UNSET
     wheelbase: float | UnsetType = UNSET
     track: float | UnsetType = UNSET
@@ -198,7 +223,14 @@ class VehicleText(Struct, frozen=True, rename="camel", kw_only=True):
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Positions x of the foremost and the rearmost axle, m; NaN where no axle has one."""
+        """Positions x of the foremost and the rearmost axle, m; NaN where no axle has one.
+
+        Those of tracks and feet are the ends of what stands on the ground.
+        """
+        for gear in (self.tracks, self.feet):
+            if gear is not UNSET:
+                half = math.nan if gear.length is UNSET else 0.5 * gear.length
+                return half, -half
         xs = [axle.x for axle in self.all_axles if axle.x is not UNSET]
         return (max(xs), min(xs)) if xs else (math.nan, math.nan)
 
@@ -231,6 +263,8 @@ MAX_AXLES = 16
 """Most axles of a vehicle."""
 MAX_WHEELS = 16
 """Most wheels of an axle."""
+MAX_PAIRS = 4
+"""Most pairs of feet of a vehicle."""
 _ANGLE = Key("an angle in degrees, from 0 to below 90", "number", 0, 90, open_high=True)
 _DRIFT = Key(
     "an angle in degrees, above 0 and below 90", "number", 0, 90, open_low=True, open_high=True
@@ -301,6 +335,14 @@ VEHICLE_KEYS: dict[Shape, dict[str, Key]] = {
             {"radius": 0.1651, "width": 0.1143},
             {"radius": 0.1651, "width": 0.1143, "tyrePressure": 68.5},
         ),
+        "tracks": Key("the tracks, an object", "object").describe(
+            "A left and a right track, in place of wheels and axles.",
+            {"length": 0.7, "width": 0.15, "radius": 0.1, "maxTorque": 60},
+        ),
+        "feet": Key("the feet, an object", "object").describe(
+            "Left and right feet, in place of wheels and axles.",
+            {"diameter": 0.05, "length": 0.6, "stepHeight": 0.2, "reach": 0.1},
+        ),
         "axles": Key(f"a list of 2 to {MAX_AXLES} axles, objects", "list").describe(
             "The axles, in any order; instead of wheelbase.", [{"x": 0.256}, {"x": -0.256}],
         ),
@@ -309,7 +351,7 @@ VEHICLE_KEYS: dict[Shape, dict[str, Key]] = {
             "wheels; with them, it has to agree.", 0.512,
         ),
         "track": measure("a track", "metres").describe(
-            "Distance of the middles of the left and the right wheels, m.", 0.5708,
+            "Distance of the middles of the left and the right wheels, tracks or feet, m.", 0.5708,
         ),
         "cog": Key("the centre of gravity, an object", "object").describe(
             "The centre of gravity.", {"height": 0.19},
@@ -331,7 +373,8 @@ VEHICLE_KEYS: dict[Shape, dict[str, Key]] = {
             "castors do, and only roll.", "wheels", default="skid",
         ),
         "speed": measure("a speed", "m/s").describe(
-            "Speed of the wheels' treads, m/s; for the time of a route.", 0.5, default=1,
+            "Speed of the wheels' treads or of the tracks, or at which it walks, m/s; for the time "
+            "of a route.", 0.5, default=1,
         ),
         "power": reserve("a power", "W", 1e9).describe(
             "Power that is drawn all the time, whether it drives or not, W; for the energy of a "
@@ -388,6 +431,59 @@ VEHICLE_KEYS: dict[Shape, dict[str, Key]] = {
         "kind": _WHEEL["kind"].describe(
             "As in wheels, for this axle alone; where it is another one, nothing that belongs to "
             "the kind is taken over from wheels.", "tyre",
+        ),
+    },
+    TracksText: {
+        "length": measure("a length", "metres").describe(
+            "Length of each track on level ground, m.", 0.7,
+        ),
+        "width": measure("a width", "metres").describe("Width of each track, m.", 0.15),
+        "radius": measure("a radius", "metres").describe(
+            "Radius of sprocket and idlers with their belt, m.", 0.1,
+        ),
+        "frontHeight": measure("a height", "metres").describe(
+            "Height of the front idler's middle over level ground, m; the radius if it is left "
+            "out, which is an idler that stands on the ground.", 0.18,
+        ),
+        "approachAngle": Key(
+            "an angle in degrees, above 0 and below 90", "number", 0, 90, open_low=True,
+            open_high=True,
+        ).describe(
+            "Angle at which the belt rises to a front idler that is higher than its radius, "
+            "degrees.", 40, default=45,
+        ),
+        "maxTorque": measure("a torque", "N m", 1e9).describe(
+            "Largest torque at the sprocket of each track, behind the gear, N m. Without it, the "
+            "soil alone limits the thrust.", 60,
+        ),
+        "maxSlip": share("a slip").describe(
+            "Slip beyond which a track is not to be driven.", 0.6, default=1,
+        ),
+    },
+    FeetText: {
+        "diameter": measure("a diameter", "metres").describe(
+            "Diameter of the disc on which a foot stands, m.", 0.05,
+        ),
+        "length": measure("a length", "metres").describe(
+            "Distance of the foremost and the rearmost feet where they stand by default, m.", 0.6,
+        ),
+        "stepHeight": measure("a height", "metres").describe(
+            "How much higher or lower a foot may be set than its neighbours, and the highest step "
+            "that it is lifted up, m.", 0.2,
+        ),
+        "reach": reserve("a length", "metres").describe(
+            "How far from its own place a foot may be set where the ground is better, m.", 0.1,
+            default=0,
+        ),
+        "pairs": Key(f"a whole number from 2 to {MAX_PAIRS}", "whole", 2, MAX_PAIRS).describe(
+            "Number of pairs of feet, a left and a right one each, evenly over the length.", 3,
+            default=2,
+        ),
+        "bearingFeet": Key(
+            f"a whole number from 1 to {2 * MAX_PAIRS}", "whole", 1, 2 * MAX_PAIRS,
+        ).describe(
+            "Fewest feet that bear the vehicle while it walks; half of them if it is left out, as "
+            "in a trot.", 3,
         ),
     },
     CogText: {

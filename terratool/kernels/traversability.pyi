@@ -333,6 +333,54 @@ def roughness(
     Shapes: ground[_,_,_], offsets[k,3], shifts[k,2], plane[3,h,w], spread[3], out[h,w].
     """
 
+def rest_belts(
+    ground: NDArray[np.float32], first: int, belts: Any, out: NDArray[np.float32]
+) -> None:
+    """
+    The plane that two rigid belts rest on.
+
+    Shapes: ground[_,p,c], out[3,_,_].
+    """
+
+def rate_footholds(
+    heights: NDArray[np.float32],
+    surfaces: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32],
+    limits: Any,
+    out: NDArray[np.float32],
+) -> None:
+    """
+    The largest share of a foothold's limits that a foot takes.
+
+    Shapes: heights[h,w], surfaces[h,w], out[h,w].
+    """
+
+def choose_footholds(
+    heights: NDArray[np.float32],
+    shares: NDArray[np.float32],
+    foot: Any,
+    height: NDArray[np.float32],
+    share: NDArray[np.float32],
+) -> None:
+    """
+    The best foothold within reach of every pixel.
+
+    Shapes: heights[h,w], shares[h,w], height[h,w], share[h,w].
+    """
+
+def departures(
+    ground: NDArray[np.float32],
+    first: int,
+    offsets: NDArray[np.int64],
+    shifts: NDArray[np.float32],
+    plane: NDArray[np.float32],
+    out: NDArray[np.float32],
+) -> None:
+    """
+    How far ground at offsets is from its plane at most.
+
+    Shapes: ground[_,_,_], offsets[k,3], shifts[k,2], plane[3,h,w], out[h,w].
+    """
+
 def raise_steps(
     supports: NDArray[np.float32],
     pairs: NDArray[np.int64],

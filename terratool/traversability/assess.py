@@ -25,7 +25,7 @@ from terratool.tasks import thread_count
 from terratool.text.display import quote
 from terratool.traversability.height_error import HeightError
 from terratool.traversability.map import MapBuilder, begin_of, default_resolution, stream_map
-from terratool.traversability.map_files import MapExtent, MapFiles, refuse_map
+from terratool.traversability.map_files import MapExtent, MapFiles, further_bands, refuse_map
 from terratool.traversability.ranges import (
     SAMPLES,
     Draws,
@@ -60,7 +60,7 @@ from terratool.traversability.route.routes import (
     route_grid,
     with_way_back,
 )
-from terratool.traversability.soil import ASSUMPTIONS, BY_MODEL, surface_figures, turnings
+from terratool.traversability.soil import assumptions_of, surface_figures, turnings
 from terratool.traversability.survey import (
     Surveyor,
     Uncertainty,
@@ -261,8 +261,8 @@ def prepare_assessment(
     grid, routes, headings, notes = _grids(terrain, vehicle, request, map_path is not None)
     if map_path is not None:
         chances = draws is not None or request.height_error is not None
-        extent = MapExtent(grid, chances, headings)
-        refuse_map(terrain, extent, Path(map_path), overwrite)
+        further = further_bands(vehicle.feet is not None, chances)
+        refuse_map(terrain, MapExtent(grid, further, headings), Path(map_path), overwrite)
     sampled = uncertainty(terrain, vehicle, draws, request)
     surveyor, shared = Surveyor(terrain, vehicle, grid, headings, sampled), routes == grid
     builder = ways = None
@@ -498,8 +498,7 @@ def assess(
         reach=mapped.reach if mapped else None,
         preview=mapped.preview if mapped else None,
         assumptions=(
-            *BY_MODEL[vehicle.model],
-            *ASSUMPTIONS,
+            *assumptions_of(vehicle),
             _MAP,
             *((_ROUTE,) if request.routes else ()),
         ),
@@ -546,7 +545,7 @@ def _judge_map(
         return None
     threads, files = thread_count(prepared.request.threads), None
     if map_path is not None:
-        extent = MapExtent(builder.grid, builder.sampled, builder.headings)
+        extent = MapExtent(builder.grid, builder.further, builder.headings)
         files = MapFiles(stack, terrain, extent, Path(map_path), overwrite, threads)
     with crew_of(prepared.request.dask, threads) as crew:
         if prepared.shares_survey:

@@ -17,7 +17,7 @@ from terratool.traversability.assess import (
     chosen_resolution,
     prepare_assessment,
 )
-from terratool.traversability.map_files import refuse_full_disk_of_maps
+from terratool.traversability.map_files import further_bands, refuse_full_disk_of_maps
 from terratool.traversability.route.routes import narrow_note
 from terratool.traversability.survey import finest_resolution, parts_of
 from terratool.traversability.vehicle import Vehicle, name_of
@@ -92,8 +92,9 @@ def prepare(
         for vehicle in vehicles
     ]  # fmt: skip
     if map_path is not None:
-        sampled = prepared[0].draws is not None
-        refuse_full_disk_of_maps([one.grid for one in prepared], Path(map_path), sampled)
+        walks = any(one.vehicle.feet is not None for one in prepared)
+        further = further_bands(walks, prepared[0].draws is not None)
+        refuse_full_disk_of_maps([one.grid for one in prepared], Path(map_path), further)
     return PreparedComparison(prepared, notes)
 
 

@@ -30,7 +30,10 @@ class WheelArrays(NamedTuple):
         tread: height of what grips the soil, m.
         max_torque: largest torque of the motor, N m; infinity where it is not limited.
         rolling: coefficient of rolling resistance of the wheel itself.
+        length: length of the track that a section belongs to, m; 0 for a wheel.
+        area: area of that track on the ground, or of a foot, m²; 0 for a wheel.
         slips: whether slip counts, for all wheels.
+        gear: index of `GEARS`, for all wheels.
     """
 
     radius: NDArray[np.float64]
@@ -41,14 +44,34 @@ class WheelArrays(NamedTuple):
     tread: NDArray[np.float64]
     max_torque: NDArray[np.float64]
     rolling: NDArray[np.float64]
+    length: NDArray[np.float64]
+    area: NDArray[np.float64]
     slips: bool
+    gear: int
 
     @classmethod
     def of(cls, wheels: Sequence[Wheel]) -> WheelArrays:
         """Gather the attributes of wheels, in their order."""
-        members = [name for name in cls._fields if name != "slips"]
+        members = [name for name in cls._fields if name not in ("slips", "gear")]
         table = np.array([[getattr(w, name) for w in wheels] for name in members], np.float64)
-        return cls(**dict(zip(members, table, strict=True)), slips=wheels[0].slips)
+        first = wheels[0]
+        return cls(**dict(zip(members, table, strict=True)), slips=first.slips, gear=first.gear)
+
+
+class TrackPair(NamedTuple):
+    """Places of two tracks, m, for the kernels: kernels/traversability/track.hpp.
+
+    Attributes:
+        length: length of each on the ground; 0 where there are none.
+        apart: distance of their middles.
+        middle: how far ahead of the centre of gravity the middle of their length is.
+        height: height of the centre of gravity.
+    """
+
+    length: float = 0.0
+    apart: float = 0.0
+    middle: float = 0.0
+    height: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +89,7 @@ class WheelLayout:
         edges: (m, 3) edges of the polygon of the supports: outward direction, forward and to the
             left, and the angle at which the vehicle tips over the edge, rad.
         wheels: sizes and torques of the wheels.
+        tracks: places of the tracks whose sections these wheels are.
     """
 
     x: NDArray[np.float64]
@@ -76,6 +100,7 @@ class WheelLayout:
     shares: NDArray[np.float64]
     edges: NDArray[np.float64]
     wheels: WheelArrays
+    tracks: TrackPair
 
 
 def wheel_layout(vehicle: Vehicle) -> WheelLayout:
@@ -116,9 +141,15 @@ def wheel_layout(vehicle: Vehicle) -> WheelLayout:
         shares[:, 1] = lever * vehicle.cog_height
     if sides > 0.0:
         shares[:, 2] = ys / sides * vehicle.cog_height
+    ahead, tracks, ends = _ahead(xs, ys), TrackPair(), xs
+    if vehicle.tracks:
+        # a track is a single pass, and stands up to its ends
+        middle, half = vehicle.middle, 0.5 * vehicle.wheelbase
+        ahead, ends = np.full(count, -1), np.where(xs > middle, middle + half, middle - half)
+        tracks = TrackPair(2.0 * half, vehicle.track_width, middle, vehicle.cog_height)
     return WheelLayout(
-        xs, ys, np.array(driven), _ahead(xs, ys), DEFAULT_MULTIPASS, shares,
-        _edges(xs, ys, vehicle.cog_height), WheelArrays.of(vehicle.all_wheels),
+        xs, ys, np.array(driven), ahead, DEFAULT_MULTIPASS, shares,
+        _edges(ends, ys, vehicle.cog_height), WheelArrays.of(vehicle.all_wheels), tracks,
     )  # fmt: skip
 
 
@@ -355,14 +386,18 @@ def level_demand(vehicle: Vehicle, soil: Soil) -> SlopeDemand:
     return slope_demand(vehicle, soil)
 
 
-def judge_level(vehicle: Vehicle, need: SlopeDemand) -> Judgement:
-    """Judge a demand on level ground: traction, slip, torque, sinkage, and the body's clearance."""
+def judge_level(vehicle: Vehicle, need: SlopeDemand, loaded: float = 0.0) -> Judgement:
+    """Judge a demand on level ground: traction, slip, torque, sinkage, and the body's clearance.
+
+    `loaded` is the share of what the soil bears that a foot loads it with.
+    """
     limits, slip = vehicle.thresholds, slip_limit(vehicle)
     measures = [
         Measure(Reason.TRACTION, need.utilisation, limits.utilisation, True),
         Measure(Reason.SLIP, need.slip / slip, limits.slip / slip, True),
         Measure(Reason.TORQUE, need.torque_used, limits.torque),
         Measure(Reason.SINKAGE, need.depth, limits.geometry, True),
+        Measure(Reason.FOOTHOLD, loaded, limits.geometry, True),
     ]
     if math.isfinite(vehicle.clearance):
         share = share_of(need.sinkage, vehicle.clearance - vehicle.margins.clearance)

@@ -20,7 +20,7 @@ from terratool.kernels import traversability as kernels
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, window_name
 from terratool.raster.painter import id_type
 from terratool.tasks import Work
-from terratool.traversability.map_files import MapBands, MapFiles, empty_bands
+from terratool.traversability.map_files import MapBands, MapFiles, empty_bands, further_bands
 from terratool.traversability.results import (
     CHANCE_BOUNDS,
     RANKS,
@@ -99,6 +99,8 @@ def map_bands(measures: WindowMeasures, inside: NDArray[np.bool_]) -> MapBands:
     reserve_band = numbers[-4]
     reserve_band[reserve_band >= np.float32(math.pi)] = np.nan
     np.degrees(reserve_band, out=reserve_band)
+    if measures.foothold is not None:
+        numbers = np.concatenate([numbers, (1.0 - measures.foothold)[None]])
     if measures.chance is not None:
         known = verdict != Verdict.UNKNOWN
         numbers = np.concatenate([numbers, np.where(known, measures.chance, np.nan)[None]])
@@ -124,19 +126,21 @@ def default_resolution(
     Raises:
         RequestError: the bounds are empty or miss the terrain; or `most` pixels are too few.
     """
-    finest = vehicle.wheel.radius / _WHEEL_PART
+    finest, of = vehicle.wheel.radius / _WHEEL_PART, "the wheel's radius"
+    if vehicle.tracks or vehicle.feet:
+        of = "the sprocket's radius" if vehicle.tracks else "a foot's step"
     if bounds is not None:
         check_bounds(bounds, terrain)
     west, south, east, north = clip_bounds(terrain, bounds)
     longest, shortest = max(east - west, north - south), min(east - west, north - south)
     if longest / finest <= most:
-        return min(finest, shortest), "a quarter of the wheel's radius"
+        return min(finest, shortest), f"a quarter of {of}"
     resolution, coarsest = longest / most, coarsest_resolution(vehicle)
     if resolution > coarsest:
         raise RequestError(
             f"The ground is {longest:.12g} m long, too long for the {most} pixels that a map has "
-            f"by default: they would be {resolution:.4g} m, and wheels of radius "
-            f"{vehicle.wheel.radius:g} m take at most {coarsest:.4g} m.",
+            f"by default: they would be {resolution:.4g} m, and {vehicle.size_words} m take at "
+            f"most {coarsest:.4g} m.",
             "Look at a part of it with --bounds W S E N, or choose the pixels with --resolution.",
         )
     return min(resolution, shortest), f"{most} pixels on the longer side"
@@ -215,7 +219,8 @@ class MapBuilder:
         self._surveyor = surveyor
         self.terrain, self.grid, self.headings = terrain, grid, surveyor.headings
         self.sampled = surveyor.uncertainty is not None
-        self.kept = empty_bands(flat, self.sampled) if keep else None
+        self.further = further_bands(surveyor.vehicle.feet is not None, self.sampled)
+        self.kept = empty_bands(flat, self.further) if keep else None
         self.chance = np.full(flat, np.nan, np.float32) if self.sampled else None
         self.reason = np.zeros(flat, np.uint8)
         self.verdict, self.worst = np.zeros((2, *flat), np.uint8)
@@ -392,7 +397,7 @@ def stream_map(
     work = Work(_judge_tile, surveyor, name=window_name)
     with contextlib.closing(crew.run(work, tiles)) as judged:
         for window, found in zip(tiles, judged, strict=True):
-            whole = empty_bands((window.height, window.width), builder.sampled)
+            whole = empty_bands((window.height, window.width), builder.further)
             for inner, parts in found:
                 builder.add(inner, parts)
                 local = Window(

@@ -59,19 +59,24 @@ _NUMBERS = {
 }
 NUMBERS = Bands(tuple(_NUMBERS), tuple(_NUMBERS.values()), np.dtype(np.float32))
 """Slopes are positive nose up and left side up."""
-CHANCES = Bands(
-    (*NUMBERS.names, "probability of go, best heading"), (*NUMBERS.units, "1"), NUMBERS.dtype
-)
-"""Bands of the file `-numbers` where figures of soils are ranges: `NUMBERS` and a probability."""
+FOOTHOLD, CHANCE = "foothold margin", "probability of go, best heading"
+"""Bands that follow `NUMBERS`: of vehicles on feet, and where figures of soils are ranges."""
 
 _SUFFIXES = ("", "-worst", "-headings", "-classes", "-numbers")
 """Endings of the stems of a map's files, in the order of `_files`."""
 
 
-def _files(sampled: bool, headings: int = HEADINGS) -> tuple[Bands, ...]:
-    """Bands of each file of a map, for soils that are `sampled` or not, by number of headings."""
+def _files(further: Sequence[str], headings: int = HEADINGS) -> tuple[Bands, ...]:
+    """Bands of each file of a map, with the names of what follows `NUMBERS`."""
     mask = Bands((DRIVABLE,), ("",), bits_type(headings), "bits", 0.0, ("",))
-    return VERDICT, WORST, mask, CLASSES, CHANCES if sampled else NUMBERS
+    units = (*NUMBERS.units, *("1" for _ in further))
+    numbers = Bands((*NUMBERS.names, *further), units, NUMBERS.dtype)
+    return VERDICT, WORST, mask, CLASSES, numbers
+
+
+def further_bands(walks: bool, sampled: bool) -> tuple[str, ...]:
+    """Names of bands that follow `NUMBERS`, for a vehicle that `walks`, and `sampled` soils."""
+    return (FOOTHOLD,) * walks + (CHANCE,) * sampled
 
 
 class MapBands(NamedTuple):
@@ -80,7 +85,8 @@ class MapBands(NamedTuple):
     Attributes:
         verdict: uint8 `Verdict`, from which `VERDICT` follows once connected ground is known.
         classes: uint8 bands of `CLASSES`.
-        numbers: float32 bands of `NUMBERS` or `CHANCES`; NaN where a number is unknown or infinite.
+        numbers: float32 bands of `NUMBERS` and what follows them; NaN where a number is unknown or
+            infinite.
     """
 
     verdict: NDArray[Any]
@@ -88,9 +94,9 @@ class MapBands(NamedTuple):
     numbers: NDArray[Any]
 
 
-def empty_bands(flat: tuple[int, int], sampled: bool) -> MapBands:
-    """Uninitialised bands of a (height, width) window, for soils that are `sampled` or not."""
-    files = VERDICT, *_files(sampled)[-2:]
+def empty_bands(flat: tuple[int, int], further: Sequence[str]) -> MapBands:
+    """Uninitialised bands of a (height, width) window, with those that follow `NUMBERS`."""
+    files = VERDICT, *_files(further)[-2:]
     return MapBands(*(np.empty((file.count, *flat), file.dtype) for file in files))
 
 
@@ -101,10 +107,10 @@ def map_paths(path: str | Path) -> list[Path]:
 
 
 class MapExtent(NamedTuple):
-    """Pixels of a map, whether they have a probability of go, and their number of headings."""
+    """Pixels of a map, the bands that follow `NUMBERS`, and the number of headings."""
 
     grid: Grid
-    sampled: bool
+    further: Sequence[str]
     headings: int = HEADINGS
 
 
@@ -131,7 +137,7 @@ class MapFiles:
     ) -> None:  # fmt: skip
         refuse_map(terrain, surveyed, path, overwrite)
         self._grid, extent = surveyed.grid, RasterExtent(terrain, surveyed.grid)
-        files = _files(surveyed.sampled, surveyed.headings)
+        files = _files(surveyed.further, surveyed.headings)
         parts = [
             stack.enter_context(whole_file(name, overwrite, COMPANIONS, named=name == path))
             for name in map_paths(path)
@@ -170,18 +176,18 @@ def refuse_map(terrain: Terrain, surveyed: MapExtent, path: Path, overwrite: boo
     for name in map_paths(path):
         refuse_existing(name, overwrite, COMPANIONS)
     crs_of(terrain)
-    files = _files(surveyed.sampled, surveyed.headings)
+    files = _files(surveyed.further, surveyed.headings)
     refuse_full_disk(path, surveyed.grid, files, raster_format(path, cog=True))
 
 
-def refuse_full_disk_of_maps(grids: Sequence[Grid], path: Path, sampled: bool) -> None:
+def refuse_full_disk_of_maps(grids: Sequence[Grid], path: Path, further: Sequence[str]) -> None:
     """Refuse maps that do not all fit on the disk together; `path` is in their folder.
 
     Raises:
         WriteError: the maps do not fit.
     """
     largest = max(grids, key=lambda grid: grid.width * grid.height)
-    refuse_full_disk(path, largest, _files(sampled) * len(grids), raster_format(path, cog=True))
+    refuse_full_disk(path, largest, _files(further) * len(grids), raster_format(path, cog=True))
 
 
 @contextlib.contextmanager

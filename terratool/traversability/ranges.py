@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from terratool.definition.model import Pair, Range, Surface, ranges_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
+from terratool.traversability.gear import foot_share
 from terratool.traversability.limits import climb, judge_level, level_demand, slip_limit, tip_over
 from terratool.traversability.results import Chances, Verdict
 from terratool.traversability.soil import (
@@ -185,7 +186,12 @@ def _level_chances(name: str, draws: Draws, vehicle: Vehicle) -> Chances | None:
     soils = [soil for soil in sampled_soils(name, draws, vehicle) if soil is not None]
     if not soils:
         return None
-    verdicts = [judge_level(vehicle, level_demand(vehicle, soil)).verdict for soil in soils]
+    verdicts = [
+        judge_level(
+            vehicle, level_demand(vehicle, soil), foot_share(vehicle, surface, soil)
+        ).verdict
+        for soil, surface in zip(soils, draws.surfaces[name], strict=True)
+    ]
     slip, (_, backwards, _) = slip_limit(vehicle), tip_over(vehicle)
     tips = backwards - vehicle.margins.tip
     climbs = [

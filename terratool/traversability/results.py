@@ -109,7 +109,7 @@ In grey the verdicts differ, too: L* 88, 65, 31, unknown 65."""
 _LABELS = (
     "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",
     "slip", "sinkage", "side-slip", "tip-over", "step", "high-centred", "approach or departure",
-    "roughness", "turning on the spot", "drift",
+    "roughness", "turning on the spot", "drift", "foothold",
 )  # fmt: skip
 """Names of the measures, by `Reason`."""
 
@@ -133,6 +133,7 @@ class Reason(NamedNumber):
     ROUGHNESS = 13
     TURNING = 14
     DRIFT = 15
+    FOOTHOLD = 16
 
     @property
     def label(self) -> str:
@@ -212,7 +213,8 @@ class Figures:
     """Figures of a vehicle on level ground of a surface, and the slopes and steps that it takes.
 
     Numbers are None where they mean nothing (a rigid surface has no contact area), or cannot be
-    known (`missing` says what the surface lacks). Forces are those of the wheel that bears most.
+    known (`missing` says what the surface lacks). Forces are those of the wheel that bears most,
+    of a track, or of a foot as it walks.
 
     Attributes:
         surface: name of the surface.
@@ -276,6 +278,7 @@ class Figures:
             m/s; None where that is not limited.
         loads: what it can do with each of its loads, if these differ; other figures are then those
             of the load with which it can do least, and of energy and stopping the worst of all.
+        bearing: load that the soil bears on a foot, N; None for wheels, tracks and rigid ground.
     """
 
     surface: str
@@ -328,6 +331,7 @@ class Figures:
     stopping: float | None = None
     speed_limit: float | None = None
     loads: LoadSpan | None = None
+    bearing: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

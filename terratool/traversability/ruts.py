@@ -235,13 +235,18 @@ def deform(
     Raises:
         DefinitionError: the terrain has errors.
         RequestError: the path is too short, leaves the terrain or its ground, or lies on a surface
-            without a sinkage; or the terrain is in degrees.
+            without a sinkage; or the terrain is in degrees; or the vehicle has no wheels.
         MissedError: a wheel would sink by its radius or more.
     """
     path = _drop_repeats(path)
     if checked.terrain is None:
         raise refusal(checked)
     definition = checked.terrain
+    if vehicle.gear != "wheels":
+        raise RequestError(
+            f"Only ruts of wheels are known, and the vehicle stands on {vehicle.gear}.",
+            "Take a vehicle on wheels, or write the tracks of the definition by hand.",
+        )
     wheels = vehicle.all_wheels
     options = options or DeformOptions()
     passes, surface, multipass = options.passes, options.surface, options.multipass

@@ -16,6 +16,14 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.text.display import quote
 from terratool.traversability import wheel as wheels
+from terratool.traversability.gear import (
+    GEAR_ASSUMPTIONS,
+    flat_sinkage,
+    foot_share,
+    gear_figures,
+    rate_factor,
+    track_friction,
+)
 from terratool.traversability.limits import (
     SlopeDemand,
     SteepestSlope,
@@ -64,7 +72,8 @@ ASSUMPTIONS = (
     "A step is rigid and holds as its surface does in a climb; while an axle climbs it, motors "
     "give what holds the vehicle best.",
 )
-"""Assumptions of every report, in sentences."""
+"""Assumptions of reports on wheels, in sentences; the first `_OF_ALL` are those of all reports."""
+_OF_ALL = 2
 
 BY_MODEL = {
     "slip": (
@@ -91,6 +100,13 @@ BY_MODEL = {
 """Assumptions of each model of wheel and soil, in sentences."""
 
 
+def assumptions_of(vehicle: Vehicle) -> tuple[str, ...]:
+    """Assumptions of what is computed of a vehicle, in sentences."""
+    if vehicle.gear == "wheels":
+        return (*BY_MODEL[vehicle.model], *ASSUMPTIONS)
+    return (*GEAR_ASSUMPTIONS[vehicle.gear], *ASSUMPTIONS[:_OF_ALL])
+
+
 CURVE_STEP = 0.5
 """Degrees from one slope to the next of a slip curve."""
 CURVE_LOW = -10.0
@@ -114,7 +130,12 @@ def bekker_sinkage(preset: Preset, wheel: Wheel, load: Any) -> Numbers:
         preset: a soil with n, kc and kφ in kN and m.
         wheel: a wheel with width b and diameter D = 2 r, m.
         load: load W, N, a number or an array.
+
+    Returns:
+        The sinkage; of a section of a track, or of a foot, that of a plate.
     """
+    if wheel.gear:
+        return np.asarray(flat_sinkage(preset, wheel, load))[()]
     n = preset.exponent
     stiffness = (3.0 - n) * (preset.cohesive + wheel.width * preset.frictional)
     kilonewtons = np.asarray(load, np.float64) * 1e-3
@@ -147,10 +168,10 @@ def soil_of(name: str, surface: Surface, wheel: Wheel, load: float) -> Soil | No
     if missing_of(surface):
         return None
     values = {attribute: property_of(surface, attribute) for attribute in SOIL_FIGURES}
-    preset = preset_of(surface)
+    preset, exponent = preset_of(surface), 1.0
     if values["sinkage"] is UNSET and preset is not None:
         rate = float(bekker_sinkage(preset, wheel, load)) / load * 1e3 if load > 0.0 else 0.0
-        values["sinkage"] = rate
+        values["sinkage"], exponent = rate, preset.exponent
     numbers = {key: 0.0 if value is UNSET else value for key, value in values.items()}
     for key, number in numbers.items():
         if not number <= LARGEST:
@@ -158,15 +179,17 @@ def soil_of(name: str, surface: Surface, wheel: Wheel, load: float) -> Soil | No
                 f"The surface {name!r} has {key.replace('_', ' ')} {number:g}, which is too large.",
                 "Give the soil's figures in kPa, degrees, m/kN and m.",
             )
-    return Soil.of(*numbers.values())
+    return replace(Soil.of(*numbers.values()), exponent=exponent)
 
 
 def governing_wheel(vehicle: Vehicle) -> tuple[Wheel, float]:
     """The driven wheel that bears most on the level, and its load, N.
 
-    All wheels count where none is driven.
+    All wheels count where none is driven. Of tracks it is a section.
     """
     layout = wheel_layout(vehicle)
+    if vehicle.tracks:
+        return vehicle.wheel, float(wheel_loads(vehicle).max())
     loads = vehicle.weight * layout.shares[:, 0]
     counts = layout.driven if layout.driven.any() else np.ones(len(loads), np.bool_)
     most = int(np.argmax(np.where(counts, loads, -np.inf)))
@@ -191,11 +214,17 @@ def soil_under(name: str, surface: Surface, vehicle: Vehicle) -> Soil | None:
     soil, preset = soil_of(name, surface, wheel, load), preset_of(surface)
     sizes = {(one.radius, one.width) for one in vehicle.all_wheels}
     bekker = preset is not None and surface.sinkage is UNSET and not preset.is_hard
-    if soil is None or preset is None or not bekker or len(sizes) < 2 or not soil.sinkage > 0.0:
+    if soil is not None and not bekker:
+        return replace(soil, sinkage=soil.sinkage * rate_factor(vehicle))
+    if soil is None or preset is None or not soil.sinkage > 0.0:
+        return soil
+    loads = wheel_loads(vehicle).tolist()
+    if len(sizes) < 2 and not (vehicle.tracks and max(loads) > min(loads) * (1.0 + _BELOW)):
         return soil
     factors = []
-    for one, own in zip(vehicle.all_wheels, wheel_loads(vehicle).tolist(), strict=True):
-        alike = (one.radius, one.width) == (wheel.radius, wheel.width) or own <= 0.0
+    for one, own in zip(vehicle.all_wheels, loads, strict=True):
+        alike = (one.radius, one.width) == (wheel.radius, wheel.width) and not vehicle.tracks
+        alike = alike or own <= 0.0
         rate = soil.sinkage if alike else float(bekker_sinkage(preset, one, own)) / own
         factors.append(rate / soil.sinkage)
     return replace(soil, factors=tuple(factors))
@@ -243,7 +272,9 @@ def step_friction(vehicle: Vehicle, soil: Soil) -> float:
     It is A (C + W μ)/W at the slip of `slip_limit`, as in climbs, and tan φ in the model `paper`.
     """
     wheel, load = governing_wheel(vehicle)
-    if not (wheel.slips and load > 0.0):
+    if vehicle.tracks:
+        return track_friction(vehicle, soil, slip_limit(vehicle))
+    if not (wheel.slips and load > 0.0) or vehicle.feet:
         return math.tan(soil.friction)
     return float(wheels.grip(load, soil, wheel, slip_limit(vehicle))) / load
 
@@ -305,7 +336,7 @@ def _figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     contact = wheels.contact(load, soil, wheel)
     best = wheels.traction(load, soil, wheel, slip_limit(vehicle))
     need = level_demand(vehicle, soil)
-    verdict, reason, _ = judge_level(vehicle, need)
+    verdict, reason, _ = judge_level(vehicle, need, foot_share(vehicle, surface, soil))
     to_side, backwards, _ = tip_over(vehicle)
     margin = slope_margin(vehicle, soil)
     up, up_limit = largest_slope(
@@ -329,7 +360,7 @@ def _figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     energy = level_energy(vehicle, need) if able else None
     brake = braking(vehicle, soil)
     slowing = deceleration(brake, vehicle.gravity)
-    return Figures(
+    found = Figures(
         name,
         preset,
         load=load,
@@ -369,12 +400,12 @@ def _figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
         verdict=verdict,
         reason=reason,
         warnings=(
-            *wheels.remarks(load, soil, wheel, slip_limit(vehicle)),
+            *(() if wheel.gear else wheels.remarks(load, soil, wheel, slip_limit(vehicle))),
             *_remarks(vehicle, soil, load),
             *_cannot_turn(name, turning),
         ),
-        slip_curve=slip_curve(vehicle, soil, up),
-        drift_curve=drift_curve(vehicle, soil, across) if moves else None,
+        slip_curve=None if vehicle.feet else slip_curve(vehicle, soil, up),
+        drift_curve=drift_curve(vehicle, soil, across) if moves and not vehicle.feet else None,
         rolling=max(wheel.rolling, soil.rolling) if wheel.slips else 0.0,
         energy=energy,
         driving_range=vehicle.battery.usable / energy if vehicle.battery and energy else None,
@@ -384,6 +415,21 @@ def _figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
         if math.isfinite(vehicle.stopping_distance)
         else None,
     )
+    if not (vehicle.tracks or vehicle.feet):
+        return found
+    # what belongs to a wheel is none of theirs
+    own = gear_figures(vehicle, surface, soil, slip_limit(vehicle))
+    none: dict[str, Any] = dict.fromkeys(_OF_WHEELS)
+    if vehicle.feet:
+        none |= dict.fromkeys(("torque", "limit_torque", "slip"))
+    return replace(found, gap=vehicle.bridges if moves else None, **(none | own))
+
+
+_OF_WHEELS = (
+    "contact_length", "contact_area", "pressure", "normal_stress", "shear_stress", "entry_angle",
+    "strength", "motor_stress",
+)  # fmt: skip
+"""Attributes of `Figures` that have another meaning, or none, for tracks and feet."""
 
 
 def level_energy(vehicle: Vehicle, need: SlopeDemand) -> float:

@@ -78,13 +78,30 @@ class Tread(NamedTuple):
         lift: (n,) float32, minus the height of the wheel's circle above its lowest point at the
             pixels of `under`, m.
         lane: offsets of the pixels from the wheels' middles to a radius ahead, or to the next
-            reference point in that direction if that is farther.
+            reference point in that direction if that is farther; of tracks from their ends.
+        bridge: rectangle that tracks and feet bridge, so that no gap in it is a step; None for
+            wheels.
     """
 
     radius: float
     under: FootprintRectangle
     lift: NDArray[np.float32]
     lane: Offsets
+    bridge: FootprintRectangle | None = None
+
+
+class BeltPlaces(NamedTuple):
+    """Places along two tracks that ground is looked at for what they rest on.
+
+    Attributes:
+        offsets: (n, 2) offsets of the pixels, those of the left track first.
+        shifts: (n, 2) float32, m ahead of the reference point and to its left.
+        left: number of places of the left track.
+    """
+
+    offsets: Offsets
+    shifts: NDArray[np.float32]
+    left: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +120,7 @@ class HeadingFootprint:
         body: rectangle under the body between the outermost axles.
         front, rear: rectangles under the overhangs.
         places: offsets at which roughness is taken.
+        belts: places along the tracks; None for wheels and feet.
     """
 
     direction: tuple[float, float]
@@ -116,6 +134,7 @@ class HeadingFootprint:
     front: FootprintRectangle
     rear: FootprintRectangle
     places: Offsets
+    belts: BeltPlaces | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,12 +181,17 @@ def vehicle_footprint(
         east, north = _rotate(corners, footprint.direction)
         sides.append((-east.min(), -north.min(), east.max(), north.max()))
     # lanes ahead of wheels, and the rises that measure steps there, reach farthest
-    largest = float(wheels.wheels.radius.max())
+    largest = max(tread.radius for tread in by_heading[0].treads)
     reach = max(largest, math.sqrt(2.0) * apart)
     farthest = math.hypot(max(front, rear), side) + reach + 2.5 * largest
+    farthest += vehicle.bridges
+    if vehicle.feet:  # footholds, and gaps that are filled around them
+        farthest += 3.0 * vehicle.feet.reach + vehicle.feet.diameter
     sizes = by_heading[0].sizes
     same = {(float(a), float(b), int(n)) for a, b, n in zip(x, y, sizes, strict=True)}
     shared = same == {(-a + 0.0, -b + 0.0, n) for a, b, n in same}
+    # what tracks rest on depends on the centre of gravity, too
+    shared = shared and not (vehicle.tracks and vehicle.middle)
     return VehicleFootprint(
         resolution, by_heading, np.array(sides), math.ceil(farthest / resolution) + 3, shared
     )
@@ -207,10 +231,18 @@ def _heading_footprint(
     exact = np.column_stack([-north, east]) / resolution
     wheels = _nearest(exact)
     corners, shares = _corners(exact)
-    treads = tuple(
-        _tread(size, wheels[sizes == n], resolution, apart, direction)
-        for n, size in enumerate(kinds)
-    )
+    belts = None
+    if vehicle.tracks or vehicle.feet:
+        # where they stand is not a place between pixels: tracks have places of their own
+        shares = np.eye(4)[np.zeros(len(wheels), np.int64)]
+        corners = np.repeat(wheels[:, None], 4, axis=1)
+        treads: tuple[Tread, ...] = (_flat_tread(vehicle, resolution, apart, direction),)
+        belts = _belt_places(vehicle, resolution, direction) if vehicle.tracks else None
+    else:
+        treads = tuple(
+            _tread(size, wheels[sizes == n], resolution, apart, direction)
+            for n, size in enumerate(kinds)
+        )
     half, body = 0.5 * vehicle.wheelbase, 0.5 * vehicle.body_width
 
     def under(begin: float, end: float, height: float) -> FootprintRectangle:
@@ -230,7 +262,64 @@ def _heading_footprint(
         under(-half, half, vehicle.clearance),
         under(half, half + front.length, front.height if front.length > 0.0 else math.inf),
         under(-half - rear.length, -half, rear.height if rear.length > 0.0 else math.inf), places,
+        belts,
     )  # fmt: skip
+
+
+_LARGE = 100.0
+"""Radius of what is flat where a circle is wanted, in pixels."""
+
+
+def _flat_tread(
+    vehicle: Vehicle, resolution: float, apart: float, direction: tuple[float, float]
+) -> Tread:
+    """The tread of tracks, a line of pixels across them, or of feet, and what meets steps."""
+    half, tracks = 0.5 * vehicle.wheelbase, vehicle.tracks
+    line = 0.5 * resolution * (abs(direction[0]) + abs(direction[1]))
+    side, radius = max(0.5 * vehicle.wheel.width, line - _NEAR), vehicle.wheel.width
+    long = 0.5 * max(vehicle.bridges, resolution)
+    ahead = max(vehicle.wheel.width, apart)
+    if tracks:
+        radius, ahead = tracks.radius, max(tracks.front, apart)
+    under = FootprintRectangle.of(-line, line, side, resolution, direction)
+    bridge = FootprintRectangle.of(-long, long, side, resolution, direction)
+    ends = np.array([[half, 0.5 * vehicle.track_width], [half, -0.5 * vehicle.track_width]])
+    if not tracks:
+        xs = [axle.x - vehicle.middle for axle in vehicle.axles]
+        ends = np.array([[x, y] for x in xs for y in ends[:, 1]])
+    east, north = _rotate(ends, direction)
+    strip, _ = _rectangle(0.0, ahead, side, resolution, direction)
+    places = _nearest(np.column_stack([-north, east]) / resolution)
+    lane = np.unique((places[:, None] + strip[None]).reshape(-1, 2), axis=0)
+    lift = np.zeros(len(under.offsets), np.float32)
+    flat = under._replace(end=_LARGE * resolution)
+    return Tread(radius, flat, lift, lane, bridge)
+
+
+def _belt_places(vehicle: Vehicle, resolution: float, direction: tuple[float, float]) -> BeltPlaces:
+    """Places of pixels along both tracks, with their ends."""
+    half = 0.5 * vehicle.wheelbase
+    along = np.linspace(-half, half, math.ceil(2.0 * half / resolution) + 1)
+    found = []
+    for y in (0.5 * vehicle.track_width, -0.5 * vehicle.track_width):
+        east, north = _rotate(np.column_stack([along, np.full_like(along, y)]), direction)
+        places = np.unique(_nearest(np.column_stack([-north, east]) / resolution), axis=0)
+        found.append(places)
+    offsets = np.concatenate(found)
+    shifts = offsets * (-resolution, resolution)
+    ahead = shifts @ (direction[1], direction[0])
+    left = shifts @ (direction[0], -direction[1])
+    return BeltPlaces(offsets, np.column_stack([ahead, left]).astype(np.float32), len(found[0]))
+
+
+def reach_offsets(reach: float, resolution: float) -> Offsets:
+    """Offsets of the pixels whose middles lie within a distance, m, nearest first."""
+    offsets, _ = _rectangle(-reach, reach, reach, resolution, (0.0, 1.0))
+    far = np.hypot(*offsets.T) * resolution
+    inside = far <= reach + _NEAR
+    near: Offsets = offsets[inside]
+    order = np.lexsort([near[:, 1], near[:, 0], far[inside]])
+    return near[order]
 
 
 def _tread(

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.traversability.track import outline_of, track_step
 from terratool.traversability.vehicle import Vehicle
 
 _PARTS = 16
@@ -98,11 +99,24 @@ def step_of(vehicle: Vehicle, friction: float) -> StepLimit:
 
     The clearance less its margin limits it, too. The step's margin is taken off at the end.
     """
-    limits = list(axle_steps(vehicle, friction))
-    if not vehicle.is_single:
+    limits = _gear_steps(vehicle, friction) or list(axle_steps(vehicle, friction))
+    if not vehicle.is_single and vehicle.gear == "wheels":
         limits.append(StepLimit(vehicle.clearance - vehicle.margins.clearance, "clearance"))
     least = min(limits, key=lambda each: each.height)
     return replace(least, height=max(0.0, least.height - vehicle.margins.step))
+
+
+def _gear_steps(vehicle: Vehicle, friction: float) -> list[StepLimit]:
+    """The highest step that tracks or feet get up; none for wheels.
+
+    What lies between tracks or legs is above the edge as soon as these are.
+    """
+    if vehicle.tracks:
+        most = 2.0 * vehicle.tracks.max_torque / vehicle.tracks.radius / vehicle.weight
+        return [StepLimit(*track_step(outline_of(vehicle), friction, most))]
+    if vehicle.feet:
+        return [StepLimit(vehicle.feet.step_height, "height of a foot's step")]
+    return []
 
 
 def axle_steps(vehicle: Vehicle, friction: float) -> tuple[StepLimit, ...]:

@@ -14,6 +14,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window
+from terratool.traversability.gear import ROUGH_FOOTHOLD, foot_friction, foot_share
 from terratool.traversability.height_error import HeightError, block_shifts, footprint_errors
 from terratool.traversability.limits import (
     WheelLayout,
@@ -24,6 +25,7 @@ from terratool.traversability.limits import (
 from terratool.traversability.results import HEADINGS, MOST_HEADINGS, RANKS
 from terratool.traversability.soil import soils, step_friction
 from terratool.traversability.stance import (
+    BeltPlaces,
     FootprintRectangle,
     GroundPainter,
     HeadingFootprint,
@@ -31,6 +33,7 @@ from terratool.traversability.stance import (
     StanceGround,
     VehicleFootprint,
     inside_of,
+    reach_offsets,
     vehicle_footprint,
 )
 from terratool.traversability.steps import step_of
@@ -99,6 +102,13 @@ class VehicleParams(NamedTuple):
     factors: NDArray[np.float64]
 
 
+def _roughest(vehicle: Vehicle) -> float:
+    """Largest roughness, m; tracks bridge what is rough, and feet have footholds: infinity."""
+    if vehicle.gear != "wheels":
+        return math.inf
+    return ROUGH * min(vehicle.smallest_radius, vehicle.clearance)
+
+
 def vehicle_params(vehicle: Vehicle, factors: NDArray[np.float64] | None = None) -> VehicleParams:
     """Parameters of a vehicle for the kernels, with factors of k by soil and wheel, 1 if None."""
     wheels = wheel_layout(vehicle)
@@ -113,7 +123,7 @@ def vehicle_params(vehicle: Vehicle, factors: NDArray[np.float64] | None = None)
         clearance=vehicle.clearance - margins.clearance,
         front=vehicle.front.height - margins.clearance,
         rear=vehicle.rear.height - margins.clearance,
-        roughness=ROUGH * min(vehicle.smallest_radius, vehicle.clearance),
+        roughness=_roughest(vehicle),
         go_traction=limits.utilisation, go_slip=limits.slip / slip,
         go_torque=limits.torque, go_geometry=limits.geometry,
         crab=limits.caution_drift, go_crab=limits.drift / limits.caution_drift,
@@ -138,12 +148,12 @@ def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[SoilArrays, NDArray[
     rows = []
     for soil in soils(terrain, vehicle):
         if soil is None:
-            rows.append((math.nan, math.nan, 0.0, 0.0, 0.0, step_of(vehicle, _ANY).height))
+            rows.append((math.nan, math.nan, 0.0, 0.0, 0.0, 1.0, step_of(vehicle, _ANY).height))
         else:
             step = step_of(vehicle, step_friction(vehicle, soil)).height
             friction = math.tan(soil.friction)
             figures = soil.cohesion, friction, soil.sinkage, soil.shear_modulus, soil.rolling
-            rows.append((*figures, step))
+            rows.append((*figures, soil.exponent, step))
     *members, steps = np.array(rows, np.float64).T.copy()
     return SoilArrays(*members), steps
 
@@ -156,6 +166,7 @@ class SoilSamples(NamedTuple):
     sinkage: NDArray[np.float64]
     shear_modulus: NDArray[np.float64]
     rolling: NDArray[np.float64]
+    exponent: NDArray[np.float64]
     steps: NDArray[np.float64]
 
 
@@ -200,6 +211,8 @@ class WindowMeasures:
         clearance: float32 room left under the body, m; infinity where nothing can touch, NaN where
             the vehicle cannot stand.
         overhang: float32 room left under the overhangs, m; infinity and NaN like `clearance`.
+        foothold: (height, width) float32 largest share of its limits that a foot on the ground
+            there takes, infinity for none; None for wheels and tracks.
         chance: (height, width) float32 share of the samples on which some heading is go; None where
             nothing is sampled.
         load: uint8 index of the vehicle's load that binds; None where it has no different loads.
@@ -215,6 +228,7 @@ class WindowMeasures:
     rough: NDArray[np.float32]
     clearance: NDArray[np.float32]
     overhang: NDArray[np.float32]
+    foothold: NDArray[np.float32] | None = None
     chance: NDArray[np.float32] | None = None
     load: NDArray[np.uint8] | None = None
 
@@ -234,6 +248,8 @@ class Stance(NamedTuple):
         rough: (height, width) float32 RMS distance of the ground from its plane, m; NaN where it is
             not known.
         step: (height, width) float32 highest step ahead of the wheels, m.
+        foothold: (height, width) float32 largest share that the chosen footholds take of their
+            limits; 0 for wheels and tracks.
         beyond: (height, width) bool, whether the vehicle reaches beyond the terrain.
         surfaces: (rows, phases, columns) surfaces of the ground, index and one.
         first_pass, passes, exponent: (rows, phases, columns) `Ruts` of the ground; None for none.
@@ -247,6 +263,7 @@ class Stance(NamedTuple):
     rear: NDArray[np.float32]
     rough: NDArray[np.float32]
     step: NDArray[np.float32]
+    foothold: NDArray[np.float32]
     beyond: NDArray[np.bool_]
     surfaces: NDArray[Any]
     first_pass: NDArray[np.float32] | None
@@ -277,6 +294,8 @@ def coarsest_resolution(vehicle: Vehicle) -> float:
 
 def _coarsest_ground(vehicle: Vehicle) -> float:
     """The largest side of a ground pixel for a vehicle, m."""
+    if vehicle.feet:
+        return _FINE * vehicle.feet.diameter
     return min(_FINE * vehicle.wheel.radius, vehicle.smallest_radius)
 
 
@@ -297,8 +316,7 @@ def parts_of(vehicle: Vehicle, resolution: float) -> int:
     parts += 1 - parts % 2
     if parts > _MOST_PARTS:
         raise RequestError(
-            f"A resolution of {resolution:g} is too coarse for wheels of radius "
-            f"{vehicle.smallest_radius:g}.",
+            f"A resolution of {resolution:g} is too coarse for {vehicle.size_words}.",
             f"Give at most {coarsest_resolution(vehicle):g}.",
         )
     least = finest_resolution(vehicle)
@@ -360,6 +378,9 @@ class Surveyor:
         self._painter = GroundPainter(terrain, self._fine, _LEAST * radii[0], slopes, radii)
         if isinstance(uncertainty, SoilSamples):
             uncertainty = Uncertainty((uncertainty,))
+        self._footholds = None
+        if vehicle.feet:
+            self._footholds = foothold_search(terrain, vehicle, self._fine.resolution)
         self.uncertainty = uncertainty
         self._errors = None
         if uncertainty is not None and uncertainty.heights is not None:
@@ -404,8 +425,30 @@ class Surveyor:
             clearance[heading], overhang[heading] = left
         return WindowMeasures(
             sweep.heights, sweep.surfaces, verdict, reason, onward, numbers, step, rough, clearance,
-            overhang, None if go is None else self._shares(go), load,
+            overhang, sweep.own_footholds, None if go is None else self._shares(go), load,
         )  # fmt: skip
+
+    def footholds(self) -> NDArray[np.float32]:
+        """Largest share of its limits that a foot at each pixel of the grid takes.
+
+        Returns:
+            (height, width) float32; infinity for no foothold, or no ground.
+
+        Raises:
+            RequestError: the vehicle has no feet.
+        """
+        if self._footholds is None:
+            raise RequestError(
+                f"Footholds are those of feet, and the vehicle stands on {self.vehicle.gear}.",
+                "Name a vehicle with feet, such as samples/vehicles/unitree-b2.json.",
+            )
+        out = np.empty((self.grid.height, self.grid.width), np.float32)
+        for window in self.windows(self.grid.whole):
+            found = self._sweep_of(window).own_footholds
+            assert found is not None
+            rows = slice(window.row, window.row + window.height)
+            out[rows, window.column : window.column + window.width] = found
+        return out
 
     def samples_passing(
         self, window: Window, headings: Collection[int]
@@ -516,11 +559,14 @@ class Surveyor:
                 if body is None or not self._footprint.is_symmetric:
                     body = sweep.body(footprint, supports)
                 plane, bump, rough = body
+                foothold, step = sweep.stand_on_feet(
+                    footprint, plane, sweep.step_ahead(footprint, steps)
+                )
                 yield heading, Stance(
                     plane, bump,
                     sweep.bump(footprint, footprint.front, plane),
                     sweep.bump(footprint, footprint.rear, plane),
-                    rough, sweep.step_ahead(footprint, steps),
+                    rough, step, foothold,
                     self._reaches_beyond(window, heading),
                     sweep.ids, *sweep.ruts, sweep.first, sweep.phases_of(footprint.wheels),
                 )  # fmt: skip
@@ -603,6 +649,86 @@ class GapsOfWheels(NamedTuple):
     side: float
 
 
+class Belts(NamedTuple):
+    """Places along two tracks, as in kernels/traversability/belts.hpp."""
+
+    places: Offsets
+    shifts: NDArray[np.float32]
+    left: int
+    apart: float
+    gravity: float
+    east: float
+    north: float
+
+
+class FootholdLimits(NamedTuple):
+    """Limits of a foothold, as in kernels/traversability/belts.hpp.
+
+    Attributes:
+        rough: largest distance of ground from the plane under a foot, m.
+        grip: (surfaces + 1,) tangent of the slope on which a foot slides; infinity if not known.
+        load: (surfaces + 1,) share of what each bears that a foot loads it with.
+        shifts: (n, 2) float32, m east and south, of the pixels under a foot.
+        patch: offsets of these pixels.
+    """
+
+    rough: float
+    grip: NDArray[np.float64]
+    load: NDArray[np.float64]
+    shifts: NDArray[np.float32]
+    patch: Offsets
+
+
+class FootReach(NamedTuple):
+    """Places that a foot may be set to, as in kernels/traversability/belts.hpp."""
+
+    places: Offsets
+    level: NDArray[np.float32]
+    step: float
+    enough: float
+
+
+class FootholdSearch(NamedTuple):
+    """A search for footholds.
+
+    Attributes:
+        limits: limits of each.
+        reach: offsets of pixels that a foot may be set to, nearest first.
+        step: highest step of a foot, m.
+        enough: share of the limits below which the nearest is taken.
+        raised: how much a foot stands out of the plane of the others, by how much it stands out of
+            that of all.
+    """
+
+    limits: FootholdLimits
+    reach: Offsets
+    step: float
+    enough: float
+    raised: float
+
+
+def foothold_search(terrain: Terrain, vehicle: Vehicle, resolution: float) -> FootholdSearch:
+    """The search for footholds of a vehicle on feet, on ground of a resolution, m."""
+    feet, layout = vehicle.feet, wheel_layout(vehicle)
+    assert feet is not None
+    grip, load = [math.inf], [0.0]
+    known = soils(terrain, vehicle)
+    for soil, surface in zip(known[1:], terrain.surface_types.values(), strict=True):
+        grip.append(math.inf if soil is None else foot_friction(vehicle, soil))
+        load.append(0.0 if soil is None else foot_share(vehicle, surface, soil))
+    patch = reach_offsets(max(0.5 * feet.diameter, resolution), resolution)
+    limits = FootholdLimits(
+        ROUGH_FOOTHOLD * feet.diameter, np.array(grip), np.array(load),
+        np.asarray(patch[:, ::-1] * resolution, np.float32), patch,
+    )  # fmt: skip
+    x, y = layout.x - layout.x.mean(), layout.y
+    leverage = 1.0 / len(x) + x**2 / np.sum(x**2) + y**2 / np.sum(y**2)
+    return FootholdSearch(
+        limits, reach_offsets(feet.reach, resolution), feet.step_height,
+        vehicle.thresholds.geometry, 1.0 / (1.0 - float(leverage.max())),
+    )  # fmt: skip
+
+
 class Standing(NamedTuple):
     """Wheels on the pixels around them, as in kernels/traversability/sweeps.hpp."""
 
@@ -636,6 +762,10 @@ class _Sweep:
             first, passes, exponent = map(self._to_phases, ground.ruts)
             self.ruts = (first, passes, exponent)
         middle = np.zeros(2, np.int64)
+        self._feet: tuple[NDArray[np.float32], ...] | None = None
+        self.own_footholds: NDArray[np.float32] | None = None
+        if surveyor._footholds is not None:
+            self._find_footholds(surveyor._footholds)
         inside = surveyor.is_inside(window)
         self.surfaces = self._at(self.ids, middle) * inside
         heights = self._at(self._heights, middle)
@@ -664,6 +794,43 @@ class _Sweep:
             first : first + self._parts * height : self._parts, phase, column : column + width
         ].copy()
 
+    def _find_footholds(self, search: FootholdSearch) -> None:
+        """Rate the ground as footholds, and choose one within reach of every pixel."""
+        ground = self._ground
+        rated, height, share = np.empty((3, *ground.heights.shape), np.float32)
+        kernels.rate_footholds(ground.heights, ground.surfaces, search.limits, rated)
+        level = self._filled(search.reach) if len(ground.pairs) else ground.heights
+        foot = FootReach(search.reach, level, search.step, search.enough)
+        kernels.choose_footholds(ground.heights, rated, foot, height, share)
+        self._feet = height, self._to_phases(height), self._to_phases(share)
+        self.own_footholds = self._at(self._to_phases(rated), np.zeros(2, np.int64))
+
+    def _filled(self, reach: Offsets) -> NDArray[np.float32]:
+        """The ground with gaps within reach of their edges filled, (rows, columns) float32, m."""
+        none = np.zeros(len(reach), np.float32)
+        high, low = np.empty_like(self._ground.heights), np.empty_like(self._ground.heights)
+        kernels.supports(self._ground.heights, reach, none, high)
+        kernels.supports(-high, reach, none, low)
+        return np.asarray(-low)
+
+    def stand_on_feet(
+        self, footprint: HeadingFootprint, plane: NDArray[np.float32], step: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Largest share that footholds take of their limits, and the highest step of a foot, m.
+
+        Steps are those ahead, and by how much a foot stands out of the plane of the others. For
+        wheels and tracks the share is 0, and the step that ahead, (height, width) float32 each.
+        """
+        out, search = self._empty(), self._surveyor._footholds
+        if self._feet is None or search is None:
+            out[:] = 0.0
+            return out, step
+        wheels, raised = self.phases_of(footprint.wheels), self._empty()
+        kernels.highest(self._feet[2], self.first, wheels, out)
+        shifts = self._shifts(footprint.wheels)
+        kernels.departures(self._feet[1], self.first, wheels, shifts, plane, raised)
+        return out, np.maximum(step, np.float32(search.raised) * raised)
+
     def _empty(self) -> NDArray[np.float32]:
         """An uninitialised plane of the window."""
         return np.empty(self._shape, np.float32)
@@ -690,7 +857,11 @@ class _Sweep:
         near[:, 0] += down
         corners[:, 0] += np.repeat(down, 4)
         standing = Standing(wheels, near, corners, footprint.shares, footprint.fit)
-        kernels.stand(phased, self._heights, self.first, standing, plane)
+        under = self._heights if self._feet is None else self._feet[1]
+        if footprint.belts is None:
+            kernels.stand(phased, under, self.first, standing, plane)
+        else:
+            self._rest_belts(footprint.belts, footprint.direction, phased, wheels, plane)
         if self._ground.slope_x is not None and self._ground.slope_y is not None:
             # wheels in a row fix no plane: they take the ground's own slope under them
             treads = np.concatenate(
@@ -708,6 +879,25 @@ class _Sweep:
             _inverse_moments(places), rough,
         )  # fmt: skip
         return plane, self.bump(footprint, footprint.body, plane), rough
+
+    def _rest_belts(
+        self, belts: BeltPlaces, direction: tuple[float, float], supports: NDArray[np.float32],
+        sections: Offsets, plane: NDArray[np.float32],
+    ) -> None:  # fmt: skip
+        """Lay the plane that tracks rest on into `plane`; NaN where a section has no ground."""
+        vehicle = self._surveyor.vehicle
+        kernels.rest_belts(
+            supports, self.first,
+            Belts(
+                self.phases_of(belts.offsets), belts.shifts, belts.left, vehicle.track_width,
+                -vehicle.middle, *direction,
+            ),
+            plane,
+        )  # fmt: skip
+        if np.isneginf(self._ground.heights).any():
+            lowest = self._empty()
+            kernels.highest(-self._heights, self.first, sections, lowest)
+            plane[:, np.isposinf(lowest)] = np.nan
 
     def bump(
         self, footprint: HeadingFootprint, under: FootprintRectangle, plane: NDArray[np.float32]
@@ -731,6 +921,8 @@ class _Sweep:
         not known.
         """
         found = []
+        if self._feet is not None:
+            return [self._feet[0]]
         for tread in footprint.treads:
             out, under = np.empty_like(self._ground.heights), tread.under
             kernels.supports(self._ground.heights, under.offsets, tread.lift, out)
@@ -753,11 +945,18 @@ class _Sweep:
             return found
         resolution = self._surveyor._fine.resolution
         for tread, plane, met in zip(footprint.treads, supports, self._ground.met, strict=True):
-            steps = np.zeros(plane.shape, np.float32)
+            steps, gaps = np.zeros(plane.shape, np.float32), met.gaps
             strides = math.ceil(_DETREND * tread.radius / resolution) + 1
-            gaps = GapsOfWheels(*met.gaps, tread.radius, resolution)
+            if tread.bridge is not None:
+                # what is bridged is filled: of gaps only wider ones are left
+                bridge, plane = tread.bridge, np.empty_like(plane)
+                lift = np.zeros(len(bridge.offsets), np.float32)
+                kernels.supports(self._ground.heights, bridge.offsets, lift, plane)
+                strides += math.ceil(bridge.end / resolution)
+                gaps = gaps._replace(width=np.full_like(gaps.width, np.inf))
+            trenches = GapsOfWheels(*gaps, tread.radius, resolution)
             kernels.raise_steps(
-                plane, self._ground.pairs, met.jumps, gaps, *footprint.direction, strides, steps
+                plane, self._ground.pairs, met.jumps, trenches, *footprint.direction, strides, steps
             )
             found.append(self._to_phases(steps))
         return found

@@ -54,7 +54,8 @@ def turn_on_spot(vehicle: Vehicle, soil: Soil) -> Turning:
     A motor that is too weak lets its wheel push less. On rigid ground with two axles and equal
     loads that is Σ H |x − c| = (μ W L/2) B/√(B² + L²) and a slip of L²/(B² + L²).
 
-    Wheels that are turned into their ways only roll: Σ R √(x² + y²) about the middle.
+    Wheels that are turned into their ways only roll: Σ R √(x² + y²) about the middle. Feet are
+    lifted and set anew, and do neither.
 
     Returns:
         The turning by a radian; a wheel by itself turns without resistance.
@@ -62,7 +63,7 @@ def turn_on_spot(vehicle: Vehicle, soil: Soil) -> Turning:
     if vehicle.is_single:
         return Turning()
     layout, loads = wheel_layout(vehicle), wheel_loads(vehicle)
-    if vehicle.steering == "wheels":
+    if vehicle.steering == "wheels" or vehicle.feet:
         away = np.hypot(layout.x - vehicle.middle, layout.y)
         factors = soil.factors or (1.0,) * len(loads)
         rolling = [

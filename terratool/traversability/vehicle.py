@@ -12,12 +12,22 @@ from msgspec import UNSET, Struct, structs
 from terratool.definition.keys import default_of, document_kind
 from terratool.definition.model import middle_of
 from terratool.definition.reader import CheckOptions, check, refusal
-from terratool.definition.vehicle import STEERINGS, AxleText, ClassesText, VehicleText, WheelsText
-from terratool.errors import DefinitionError
+from terratool.definition.vehicle import (
+    STEERINGS,
+    AxleText,
+    ClassesText,
+    FeetText,
+    TracksText,
+    VehicleText,
+    WheelsText,
+)
+from terratool.errors import DefinitionError, RequestError
 from terratool.kernels import traversability as kernels
 from terratool.report.wording import count_of
 from terratool.text.display import printable
 from terratool.text.source import read_source
+from terratool.traversability.foot import disc_area
+from terratool.traversability.track import SECTIONS, track_gap
 
 _PLAIN = (
     "clearance", "body_width", "steering", "speed", "power", "efficiency", "stopping_distance",
@@ -41,6 +51,8 @@ class Soil:
         sinkage: sinkage per load k, m/N, 0 or more; 0 is rigid ground. z = k·W.
         shear_modulus: K of Janosi and Hanamoto, m, above 0; 0 where it is not known, and then all
             of the shear strength is mobilised whatever the slip.
+        exponent: n, the power of its sinkage with which the pressure under a track grows; 1 where
+            z = k·W is all that is known.
         factors: factors of k for each wheel of a vehicle, in the order of its layout; all are 1 if
             None.
         rolling: coefficient of rolling resistance of the ground, beside what sinking in takes.
@@ -50,6 +62,7 @@ class Soil:
     friction: Any
     sinkage: Any
     shear_modulus: Any = 0.0
+    exponent: Any = 1.0
     factors: tuple[float, ...] | None = None
     rolling: Any = 0.0
 
@@ -63,6 +76,8 @@ class Soil:
         return cls(cohesion * 1e3, radians, sinkage * 1e-3, shear_modulus, rolling=rolling)
 
 
+GEARS = ("wheels", "tracks", "feet")
+"""Kinds of running gear, by number in the kernels: kernels/traversability/track.hpp."""
 MODELS = ("slip", "paper")
 """Models of wheel and soil; kernels/traversability/terramechanics.hpp explains them."""
 FLAT = 0.4
@@ -91,6 +106,10 @@ class Wheel:
         tyre: whether it is a tyre, whose tread grips the soil as lugs do.
         slips: whether slip counts: the model `slip`, else `paper`.
         rolling: coefficient of rolling resistance of the wheel itself, force over load.
+        gear: index of `GEARS`: 1 for a section of a track, whose radius is that of the sprocket, 2
+            for a foot, whose radius is the height of its highest step.
+        length: length of the track that it is a section of, m.
+        area: area of that whole track on the ground, or of a foot, m².
     """
 
     radius: float
@@ -103,6 +122,9 @@ class Wheel:
     tyre: bool = False
     slips: bool = True
     rolling: float = 0.0
+    gear: int = 0
+    length: float = 0.0
+    area: float = 0.0
 
     @property
     def shear_length(self) -> float:
@@ -118,6 +140,54 @@ class Wheel:
     def tread(self) -> float:
         """Height of what grips the soil, m: of the lugs, or of a tyre's tread, 0 for a bare rim."""
         return max(self.grouser_height, kernels.FULL_LUG) if self.tyre else self.grouser_height
+
+
+@dataclass(frozen=True, slots=True)
+class Tracks:
+    """A left and a right track.
+
+    Attributes:
+        length: length L on level ground, m.
+        width: width b, m.
+        radius: radius of sprocket and idlers with the belt, m.
+        front_height: height of the front idler's middle over level ground, m.
+        approach: angle at which the belt rises to that, rad.
+        max_torque: largest torque at each sprocket, N m; infinity where it is not limited.
+    """
+
+    length: float
+    width: float
+    radius: float
+    front_height: float
+    approach: float
+    max_torque: float = math.inf
+
+    @property
+    def front(self) -> float:
+        """Length of the front idler and the rise beyond the end of the track on the ground, m."""
+        return (self.front_height - self.radius) / math.tan(self.approach) + self.radius
+
+    @property
+    def section(self) -> float:
+        """Length of a section, m."""
+        return self.length / SECTIONS
+
+
+@dataclass(frozen=True, slots=True)
+class Feet:
+    """Pairs of feet.
+
+    Attributes:
+        diameter: diameter of the disc on which a foot stands, m.
+        reach: how far from its own place a foot may be set, m.
+        step_height: highest step that a foot is lifted up, m.
+        bearing: fewest feet that bear the vehicle while it walks.
+    """
+
+    diameter: float
+    reach: float
+    step_height: float
+    bearing: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,8 +306,9 @@ class Vehicle:
     range of the centre of gravity along it.
 
     Attributes:
-        wheel: each wheel of axles that have no wheels of their own.
-        axles: axles from the front to the rear.
+        wheel: each wheel of axles that have no wheels of their own; a section of a track; or a
+            foot.
+        axles: axles from the front to the rear; pairs of sections of the tracks, or of feet.
         mass: mass with all loads, kg.
         gravity: acceleration of gravity, m/s².
         track_width: distance between the middles of left and right wheels, m; 0 for a wheel by
@@ -263,6 +334,8 @@ class Vehicle:
         thresholds: thresholds of go and caution.
         name: name for reports; may be empty.
         loads: loads that are judged, if they differ; none for the vehicle as it is.
+        tracks: tracks that it stands on; None for wheels or feet.
+        feet: feet that it stands on; None for wheels or tracks.
     """
 
     wheel: Wheel
@@ -287,11 +360,15 @@ class Vehicle:
     thresholds: Thresholds = field(default_factory=Thresholds)
     name: str = ""
     loads: tuple[Load, ...] = ()
+    tracks: Tracks | None = None
+    feet: Feet | None = None
 
     def __repr__(self) -> str:
         name = f" {printable(self.name)}" if self.name else ""
-        wheels = count_of(sum(axle.wheels for axle in self.axles), "wheel")
-        return f"<Vehicle{name}: {wheels}, {self.mass:.6g} kg>"
+        gear = count_of(self.wheels, "wheel")
+        if self.tracks or self.feet:
+            gear = "2 tracks" if self.tracks else f"{self.wheels} feet"
+        return f"<Vehicle{name}: {gear}, {self.mass:.6g} kg>"
 
     @classmethod
     def single(cls, wheel: Wheel, load: float) -> Vehicle:
@@ -334,13 +411,51 @@ class Vehicle:
         return MODELS[0] if self.wheel.slips else MODELS[1]
 
     def by_model(self, model: str) -> Vehicle:
-        """Return a copy of the vehicle that is computed with one of `MODELS`."""
+        """Return a copy of the vehicle that is computed with one of `MODELS`.
+
+        Raises:
+            RequestError: the model is `paper`, and the vehicle stands on tracks or feet.
+        """
+        if model != MODELS[0] and self.gear != "wheels":
+            raise RequestError(
+                f"The model {model} has formulas of wheels alone, and the vehicle stands on "
+                f"{self.gear}.",
+                f"Take --model {MODELS[0]}, or a vehicle on wheels.",
+            )
         slips = model == MODELS[0]
         axles = (
             replace(axle, wheel=replace(axle.wheel, slips=slips)) if axle.wheel else axle
             for axle in self.axles
         )
         return replace(self, wheel=replace(self.wheel, slips=slips), axles=tuple(axles))
+
+    @property
+    def gear(self) -> str:
+        """Kind of running gear of the vehicle, one of `GEARS`."""
+        return GEARS[self.wheel.gear]
+
+    @property
+    def size_words(self) -> str:
+        """Wheels, tracks or feet that decide how fine the ground must be, with a size, in words."""
+        if self.feet:
+            return f"feet of diameter {self.feet.diameter:g}"
+        if self.tracks:
+            return f"tracks with sprockets of radius {self.tracks.radius:g}"
+        return f"wheels of radius {self.smallest_radius:g}"
+
+    @property
+    def bridges(self) -> float:
+        """Widest gap that tracks or feet pass as if it were not there, m; 0 for wheels."""
+        if self.tracks:
+            return track_gap(*self._ends)
+        # beside the gap all of a foot stands on ground
+        return max(2.0 * self.feet.reach - self.feet.diameter, 0.0) if self.feet else 0.0
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        """Distances from the centre of gravity to the ends of what stands on the ground, m."""
+        half = 0.5 * self.wheelbase
+        return half + self.middle, half - self.middle
 
     @property
     def is_single(self) -> bool:
@@ -359,7 +474,12 @@ class Vehicle:
 
     @property
     def wheelbase(self) -> float:
-        """Distance from the foremost to the rearmost axle, m; 0 for one axle."""
+        """Distance from the foremost to the rearmost axle, m; 0 for one axle.
+
+        The length of tracks on the ground.
+        """
+        if self.tracks:
+            return self.tracks.length
         return self.axles[0].x - self.axles[-1].x
 
     @property
@@ -371,6 +491,13 @@ class Vehicle:
     def rectangle(self) -> tuple[float, float, float]:
         """Extent seen from above, m: ahead of, behind and to each side of `middle`."""
         half, middle = 0.5 * self.wheelbase, self.middle
+        if self.tracks or self.feet:
+            rear = self.tracks.radius if self.tracks else 0.5 * self.wheel.width
+            front = self.tracks.front if self.tracks else rear
+            return (
+                half + max(self.front.length, front), half + max(self.rear.length, rear),
+                0.5 * max(self.body_width, self.track_width + self.wheel.width),
+            )  # fmt: skip
         placed = [(axle, self.wheel_of(axle)) for axle in self.axles]
         track = self.track_width
         return (
@@ -413,16 +540,32 @@ def name_of(path: str | Path) -> str:
 
 def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
     """Convert a vehicle's text without errors to SI units; `name` is for reports."""
-    common = wheel_of(text.wheels)
+    tracks = None if text.tracks is UNSET else _tracks_of(text.tracks)
+    feet = None if text.feet is UNSET else _feet_of(text.feet)
+    if text.tracks is not UNSET and tracks is not None:
+        common = _section_of(tracks, _set_members(text.tracks).get("max_slip", 1.0))
+        half = 0.5 * (tracks.length - tracks.section)
+        xs = [half - tracks.section * place for place in range(SECTIONS)]
+    elif text.feet is not UNSET and feet is not None:
+        pairs = _set_members(text.feet).get("pairs", 2)
+        common, length = _foot_of(feet, pairs), text.ends[0] - text.ends[1]
+        xs = [length * (0.5 - place / (pairs - 1)) for place in range(pairs)]
+    else:
+        common, xs = wheel_of(text.wheels), []
     cog_x = middle_of(text.cog_ends)
     masses, heights, _ = zip(*text.loads, strict=True)
     loads = tuple(Load(mass, height, x - cog_x) for mass, height, x in text.loads)
-    placed = [
+    placed = [Axle(x - cog_x) for x in xs] or [
         Axle(axle.x - cog_x, axle.count, axle.is_driven, _own_wheel(text, axle, common))
         for axle in text.all_axles
         if axle.x is not UNSET
     ]
     given = _set_members(text)
+    if tracks is not None:
+        # what is between the tracks
+        given.setdefault("body_width", max(given["track"] - tracks.width, 0.0))
+    elif feet is not None:
+        given.setdefault("body_width", given["track"])
     overhangs, margins = _set_members(text.overhang), _set_members(text.margins)
     classes = _set_members(text.classes)
     for angles in (margins, classes):
@@ -443,6 +586,8 @@ def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
         battery=_battery(text),
         name=name,
         loads=loads if len(loads) > 1 else (),
+        tracks=tracks,
+        feet=feet,
         **{key: given[key] for key in _PLAIN if key in given},
     )
 
@@ -475,6 +620,40 @@ def wheel_of(text: WheelsText) -> Wheel:
         tyre=text.known_kind == "tyre",
         rolling=given.get("rolling_resistance", ROLLING * (text.known_kind == "tyre")),
     )
+
+
+def _tracks_of(text: TracksText) -> Tracks:
+    """Convert the text of tracks without errors to SI units."""
+    given = _set_members(text)
+    angle = given.get("approach_angle", default_of(TracksText, "approachAngle"))
+    return Tracks(
+        given["length"], given["width"], given["radius"],
+        given.get("front_height", given["radius"]), math.radians(angle),
+        given.get("max_torque", math.inf),
+    )  # fmt: skip
+
+
+def _section_of(tracks: Tracks, max_slip: float) -> Wheel:
+    """A section of tracks, with the torque and the area of its whole track."""
+    return Wheel(
+        tracks.radius, tracks.width, tracks.max_torque, max_slip, gear=GEARS.index("tracks"),
+        length=tracks.length, area=tracks.length * tracks.width,
+    )  # fmt: skip
+
+
+def _feet_of(text: FeetText) -> Feet:
+    """Convert the text of feet without errors to SI units."""
+    given = _set_members(text)
+    return Feet(
+        given["diameter"], given.get("reach", 0.0), given["step_height"],
+        given.get("bearing_feet", given.get("pairs", 2)),
+    )  # fmt: skip
+
+
+def _foot_of(feet: Feet, pairs: int) -> Wheel:
+    """A foot, with its share of the area of the feet that bear the vehicle as it walks."""
+    area = disc_area(feet.diameter) * feet.bearing / (2 * pairs)
+    return Wheel(feet.step_height, feet.diameter, gear=GEARS.index("feet"), area=area)
 
 
 def _own_wheel(text: VehicleText, axle: AxleText, common: Wheel) -> Wheel | None:

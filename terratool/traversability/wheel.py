@@ -39,6 +39,7 @@ class SoilArrays(NamedTuple):
     sinkage: NDArray[np.float64]
     shear_modulus: NDArray[np.float64]
     rolling: NDArray[np.float64]
+    exponent: NDArray[np.float64]
 
 
 def flatten(*values: Any) -> tuple[tuple[int, ...], list[NDArray[np.float64]]]:
@@ -55,16 +56,25 @@ def flatten_soils(
     soil: Soil, *values: Any
 ) -> tuple[tuple[int, ...], SoilArrays, list[NDArray[np.float64]]]:
     """Broadcast a soil and values together, as `flatten`: shape, soils, and the values."""
-    shape, (cohesion, friction, sinkage, modulus, rolling, *others) = flatten(
-        soil.cohesion, soil.friction, soil.sinkage, soil.shear_modulus, soil.rolling, *values
+    shape, (cohesion, friction, sinkage, modulus, rolling, exponent, *others) = flatten(
+        soil.cohesion,
+        soil.friction,
+        soil.sinkage,
+        soil.shear_modulus,
+        soil.rolling,
+        soil.exponent,
+        *values,
     )
-    return shape, SoilArrays(cohesion, np.tan(friction), sinkage, modulus, rolling), others
+    soils = SoilArrays(cohesion, np.tan(friction), sinkage, modulus, rolling, exponent)
+    return shape, soils, others
 
 
 def under_wheels(soil: Soil) -> SoilArrays:
     """A soil of numbers as arrays of one, or of one for each wheel if it has factors."""
-    friction = math.tan(soil.friction)
-    numbers = soil.cohesion, friction, soil.sinkage, soil.shear_modulus, soil.rolling
+    numbers = (
+        soil.cohesion, math.tan(soil.friction), soil.sinkage, soil.shear_modulus, soil.rolling,
+        soil.exponent,
+    )  # fmt: skip
     columns = np.array(numbers, np.float64)[:, None]
     if soil.factors is not None:
         columns = np.repeat(columns, len(soil.factors), axis=1)

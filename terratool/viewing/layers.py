@@ -37,7 +37,9 @@ FINER = 2
 """Painted pixels per pixel of the picture and side; a pixel of the picture is their mean."""
 VERDICTS = ("traversability", "traversability-worst")
 """Names of the layers of verdicts: by the best heading at each place, and by the worst."""
-NAMES = ("height", "slope", "surface", "friction", *VERDICTS)
+JUDGED = (*VERDICTS, "foothold")
+"""Names of the layers that need a vehicle."""
+NAMES = ("height", "slope", "surface", "friction", *JUDGED)
 """Names of the layers."""
 
 VOID = (255, 255, 255)
@@ -54,11 +56,16 @@ PALETTE = (
 """Colours for surfaces that have none, distinct for any kind of colour vision (M. Okabe and K. Ito,
 Color universal design, 2008)."""
 
-_COLORS = {"height": "cividis", "slope": "viridis", "friction": "viridis"}
+_COLORS = {
+    "height": "cividis", "slope": "viridis", "friction": "viridis", "foothold": "viridis",
+}  # fmt: skip
 """Colour maps of layers of numbers, even to any kind of colour vision (J. R. Nuñez, C. R. Anderton
 and R. S. Renslow, Optimizing colormaps with consideration for color vision deficiency, PLOS ONE
 13(7), 2018)."""
-_TITLES = {"height": "height (m)", "slope": "slope (°)", "friction": "friction angle (°)"}
+_TITLES = {
+    "height": "height (m)", "slope": "slope (°)", "friction": "friction angle (°)",
+    "foothold": "foothold margin",
+}  # fmt: skip
 """Titles of the scales of layers of numbers."""
 _ROWS = 128
 """Number of rows of a window that a thread paints."""
@@ -187,7 +194,7 @@ def layer_picture(
         terrain: the ground.
         grid: pixels of the layer.
         layer: name of the layer, one of `NAMES`.
-        judge: vehicle of the layers `VERDICTS`; None for other layers.
+        judge: vehicle of the layers of `JUDGED`; None for other layers.
         progress: called with words on the step that begins.
 
     Raises:
@@ -209,6 +216,9 @@ def layer_picture(
     if layer in VERDICTS:
         assert judge is not None
         return _verdict_layer(terrain, grid, planes, judge, progress, layer == VERDICTS[1])
+    if layer == "foothold":
+        assert judge is not None
+        return _foothold_layer(terrain, grid, planes, judge, progress)
     return _number_layer(terrain, grid, planes, layer)
 
 
@@ -291,11 +301,7 @@ def _verdict_layer(
     part = _clip_to_terrain(terrain, bounds)
     resolution, why = _map_resolution(terrain, judge, part)
     verdict = judge.verdict(terrain, grid_over(terrain, resolution, part), progress)
-    own = verdict.grid
-    columns = np.floor((grid.columns(grid.whole) - own.west) / own.resolution).astype(np.int64)
-    rows = np.floor((own.bounds[3] - grid.rows(grid.whole)) / own.resolution).astype(np.int64)
-    at = np.ix_(np.clip(rows, 0, own.height - 1), np.clip(columns, 0, own.width - 1))
-    classes = (verdict.worst if worst else verdict.classes)[at]
+    classes = (verdict.worst if worst else verdict.classes)[_places_in(verdict.grid, grid)]
     palette = np.array([COLORS[code] for code in sorted(COLORS)], np.uint8)
     ground = ~np.isnan(planes.heights)
     seen = np.bincount(classes[ground], minlength=len(GroundClass))
@@ -320,6 +326,41 @@ def _verdict_layer(
         Legend(title, (*swatches, *void_swatch(planes.heights))), _ON_VERDICTS,
         classes, tuple(notes),
     )  # fmt: skip
+
+
+def _places_in(own: Grid, grid: Grid) -> tuple[NDArray[Any], ...]:
+    """Index of the pixels of a grid that hold the middles of those of another, or are nearest."""
+    columns = np.floor((grid.columns(grid.whole) - own.west) / own.resolution).astype(np.int64)
+    rows = np.floor((own.bounds[3] - grid.rows(grid.whole)) / own.resolution).astype(np.int64)
+    return np.ix_(np.clip(rows, 0, own.height - 1), np.clip(columns, 0, own.width - 1))
+
+
+def _foothold_layer(
+    terrain: Terrain, grid: Grid, planes: Planes, judge: Judge, progress: Callable[[str], object]
+) -> LayerPicture:
+    """The layer `foothold`: what a foot has in reserve, none below 0, at the picture's pixels."""
+    from matplotlib import colormaps
+
+    terrain.refuse_degrees("A vehicle")
+    terrain = terrain.written_out
+    part = _clip_to_terrain(terrain, grid.bounds)
+    resolution, why = _map_resolution(terrain, judge, part)
+    own = grid_over(terrain, resolution, part)
+    progress("looking for footholds")
+    margins = 1.0 - judge.surveyor(terrain, own).footholds()[_places_in(own, grid)]
+    scale = Scale(_TITLES["foothold"], 0.0, 1.0, _COLORS["foothold"])
+    colors = colormaps[scale.colors](np.clip(margins, 0.0, 1.0), bytes=True)[..., :3]
+    ground = ~np.isnan(planes.heights)
+    barred = ground & ~(margins > 0.0)
+    colors[barred] = COLORS[GroundClass.NO_GO]
+    swatches = (Swatch("no foothold", COLORS[GroundClass.NO_GO]),) if barred.any() else ()
+    share = float(np.mean(~barred[ground]))
+    note = (
+        f"A foot of {judge.vehicle.name} can be set on {share:.0%} of the ground drawn; looked at "
+        f"at pixels of {resolution:.4g} m ({why})."
+    )
+    key = Legend(judge.vehicle.name, (*swatches, *void_swatch(planes.heights)), scale)
+    return LayerPicture(grid, planes.heights, _ids(planes), colors, key, None, notes=(note,))
 
 
 def _map_resolution(terrain: Terrain, judge: Judge, part: Any) -> tuple[float, str]:
@@ -391,9 +432,9 @@ def check_layer(layer: str, vehicle: object) -> None:
             f"There is no layer {layer!r}.",
             guess(layer, NAMES) or f"The layers are {', '.join(NAMES)}.",
         )
-    if layer in VERDICTS and vehicle is None:
+    if layer in JUDGED and vehicle is None:
         raise RequestError(f"The layer {layer} needs a vehicle.", "Add --vehicle V.json.")
-    if layer not in VERDICTS and vehicle is not None:
+    if layer not in JUDGED and vehicle is not None:
         raise RequestError(
             f"The layer {layer} needs no vehicle.",
             "Add --layer traversability, or leave out --vehicle.",

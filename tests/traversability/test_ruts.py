@@ -27,7 +27,7 @@ from terratool.traversability.ruts import (
     write_deformed,
 )
 from terratool.traversability.soil import bekker_sinkage
-from terratool.traversability.vehicle import Axle, Vehicle, Wheel
+from terratool.traversability.vehicle import Axle, Vehicle, Wheel, load_vehicle
 from tests.commands import ROOT, call
 
 WHEEL = Wheel(radius=0.2, width=0.1)
@@ -198,6 +198,13 @@ class TestRuts:
         terrain = driven(flat(tmp_path), [(4, 10), (30, 10)])
         assert terrain.height(19.99, 10.4) < 0.0
         assert terrain.height(20.01, 10.4) == 0.0
+
+    def test_only_wheels_leave_ruts(self, tmp_path: Path) -> None:
+        """Tracks are refused in a sentence, before anything is done."""
+        crawler = load_vehicle(ROOT / "samples/vehicles/superdroid-hd2.json")
+        with pytest.raises(RequestError, match="stands on tracks") as raised:
+            driven(flat(tmp_path), [(25, 2), (30, 2)], crawler)
+        assert "vehicle on wheels" in raised.value.hint
 
     def test_preset(self, tmp_path: Path) -> None:
         """Of a preset it is Bekker's sinkage for this wheel, of which each half bears half."""

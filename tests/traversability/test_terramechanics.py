@@ -644,7 +644,7 @@ def test_it_tips_where_its_weight_leaves_the_supports(pitch: float, roll: float)
     # where the line through the centre of gravity, 0.4 above the plane, meets it
     along, normal = math.hypot(1, slope[0]), math.hypot(1, *slope)
     x, y = -0.4 * slope[0] * normal / along, -0.4 * slope[1] / along
-    unknown = SoilArrays(np.array([np.nan]), *np.zeros((4, 1))), np.zeros(1)
+    unknown = SoilArrays(np.array([np.nan]), *np.zeros((4, 1)), np.ones(1)), np.zeros(1)
     (reserve,) = judged(vehicle, unknown, np.array([slope]), [0] * 4)[kernels.RESERVE]
     inside = -0.7 < x < 0.3 and abs(y) < 0.3
     assert (reserve > 0) == inside

@@ -33,6 +33,7 @@ from terratool.definition.rules import (  # noqa: F401, importing them registers
     tracks,
     trimming,
     usage,
+    vehicle_gear,
     vehicle_geometry,
     vehicle_limits,
     vehicle_wheels,

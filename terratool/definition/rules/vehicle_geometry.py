@@ -96,16 +96,23 @@ def _across(axle: AxleText, track: float) -> list[float]:
 
 @rule("TT502", "narrow-track", kind="vehicle")
 def narrow_track(subject: VehicleSubject) -> Iterator[Remark]:
-    """The track is too narrow for the wheels of an axle to stand side by side.
+    """The track is too narrow for wheels, tracks or feet to stand side by side.
 
     The track is the distance of the middles of the outermost wheels; with two of them, it is their
-    width at least.
+    width at least. So it is for tracks, and for feet.
 
     Fails:
 
         {
           "mass": 50, "wheels": {"radius": 0.16, "width": 0.6}, "wheelbase": 0.5,
           "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
+        }
+
+    Fails:
+
+        {
+          "mass": 50, "tracks": {"length": 0.7, "width": 0.6, "radius": 0.1},
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.08
         }
 
     Passes:
@@ -122,15 +129,20 @@ def narrow_track(subject: VehicleSubject) -> Iterator[Remark]:
         (width * (axle.count - 1), width, axle.count)
         for axle, width in zip(subject.axles, subject.figures("width"), strict=False)
     ]
+    what = "wheels"
+    for gear, figure in (("tracks", "width"), ("feet", "diameter")):
+        text = getattr(subject.vehicle, gear)
+        if text is not UNSET and (width := getattr(text, figure)) is not UNSET:
+            rows, what = [(width, width, 2)], gear
     if track is UNSET or not rows:
         return
     least, width, most = max(rows)
     if track < least * (1 - _CLOSE):
         yield Remark(
             "/track",
-            f"{most} wheels of {quote(width)} m do not stand side by side in a track of "
+            f"{most} {what} of {quote(width)} m do not stand side by side in a track of "
             f"{quote(track)} m.",
-            'Give the width of one wheel as "width", and from middle to middle as "track".',
+            'Give the width of one wheel, track or foot, and from middle to middle as "track".',
         )
 
 
@@ -176,7 +188,8 @@ def tips_over(subject: VehicleSubject) -> Iterator[Remark]:
     """The vehicle tips over on level ground.
 
     The centre of gravity has to lie between the foremost and the rearmost axle, and one axle at
-    least has to have two wheels.
+    least has to have two wheels. It has to lie above the tracks, or between the feet, whose middle
+    is at x = 0.
 
     Fails:
 
@@ -193,6 +206,13 @@ def tips_over(subject: VehicleSubject) -> Iterator[Remark]:
           "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
         }
 
+    Fails:
+
+        {
+          "mass": 50, "tracks": {"length": 0.7, "width": 0.15, "radius": 0.1},
+          "track": 0.55, "cog": {"x": 0.4, "height": 0.2}, "clearance": 0.08
+        }
+
     Passes:
 
         {
@@ -205,7 +225,8 @@ def tips_over(subject: VehicleSubject) -> Iterator[Remark]:
     from the middle of the wheelbase, positive ahead.
     """
     vehicle = subject.vehicle
-    if not subject.axles:
+    gear = next((one for one in ("tracks", "feet") if getattr(vehicle, one) is not UNSET), "axles")
+    if gear == "axles" and not subject.axles:
         return
     front, rear = vehicle.ends
     # another rule reports axles that are all in one place
@@ -217,11 +238,13 @@ def tips_over(subject: VehicleSubject) -> Iterator[Remark]:
     if out and rear < front:
         yield Remark(
             "/cog/x",
-            f"the centre of gravity at {quote(out[0])} m is not between the axles at "
-            f"{quote(front)} and {quote(rear)} m, so the vehicle tips over on level ground.",
-            "Write it in the frame of the axles, in metres, positive ahead.",
+            f"the centre of gravity at {quote(out[0])} m is not between the "
+            f"{'axles' if gear == 'axles' else f'ends of the {gear}'} at {quote(front)} and "
+            f"{quote(rear)} m, so the vehicle tips over on level ground.",
+            "Write it in the frame of the axles, in metres, positive ahead; tracks and feet have "
+            "their middle at 0.",
         )
-    if all(axle.count < 2 for axle in subject.axles):
+    if subject.axles and all(axle.count < 2 for axle in subject.axles):
         yield Remark(
             "/axles",
             "no axle has two wheels, so the vehicle falls over sideways.",

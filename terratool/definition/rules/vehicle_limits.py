@@ -50,6 +50,15 @@ _PLAUSIBLE = (
     ("battery/capacity", 1, 1e6, "Wh"),
     ("stoppingDistance", 0.01, 1000, "m"),
     ("reactionTime", 0, 10, "s"),
+    ("tracks/length", 0.05, 10, "m"),
+    ("tracks/width", 0.01, 2, "m"),
+    ("tracks/radius", 0.01, 2, "m"),
+    ("tracks/frontHeight", 0.01, 3, "m"),
+    ("tracks/maxTorque", 1e-3, 1e6, "N m"),
+    ("feet/diameter", 0.005, 1, "m"),
+    ("feet/length", 0.03, 10, "m"),
+    ("feet/stepHeight", 0.005, 2, "m"),
+    ("feet/reach", 0, 2, "m"),
 )
 
 
@@ -192,12 +201,14 @@ def _implausible(
 
 def _value(owner: object, path: str) -> object:
     for key in path.split("/"):
+        if owner is UNSET:
+            break
         name = "".join(f"_{c.lower()}" if c.isupper() else c for c in key)
         owner = getattr(owner, name, UNSET)
     return owner
 
 
-@rule("TT516", "reversed-load", kind="vehicle")
+@rule("TT517", "reversed-load", kind="vehicle")
 def reversed_load(subject: VehicleSubject) -> Iterator[Remark]:
     """A range of mass or of the centre of gravity is upside down: its first number is larger.
 
@@ -284,7 +295,11 @@ def used_up_margin(subject: VehicleSubject) -> Iterator[Remark]:
 
 
 def _highest_step(subject: VehicleSubject) -> float:
-    clearance = subject.vehicle.clearance
+    clearance, feet = subject.vehicle.clearance, subject.vehicle.feet
+    if feet is not UNSET:
+        return math.inf if feet.step_height is UNSET else feet.step_height
+    if subject.vehicle.tracks is not UNSET:
+        return math.inf
     known = subject.figures("radius") + (() if clearance is UNSET else (clearance,))
     return min(known, default=math.inf)
 
@@ -292,9 +307,11 @@ def _highest_step(subject: VehicleSubject) -> float:
 def _tip(subject: VehicleSubject) -> float:
     """Smallest angle at which the vehicle tips over, degrees; infinity where it is not known."""
     vehicle, height = subject.vehicle, subject.vehicle.cog.height
-    if height is UNSET or vehicle.track is UNSET or not subject.axles:
+    if height is UNSET or vehicle.track is UNSET:
         return math.inf
     (front, rear), (low, high) = vehicle.ends, vehicle.cog_ends
+    if not subject.axles and vehicle.tracks is UNSET and vehicle.feet is UNSET:
+        return math.inf
     if subject.left_out("/cog", "x") or not rear < low <= high < front:
         return math.inf
     reach = min(0.5 * vehicle.track, front - high, low - rear)

@@ -58,7 +58,7 @@ from terratool.traversability.results import (
     VehicleComparison,
     Verdict,
 )
-from terratool.traversability.vehicle import MODELS, Vehicle
+from terratool.traversability.vehicle import GEARS, MODELS, Vehicle
 
 FORMAT_VERSION = 3
 
@@ -120,12 +120,32 @@ class WheelKeys(Struct, frozen=True):
 
 
 class AxleKeys(Struct, frozen=True):
-    """Axle: wheels side by side."""
+    """Axle: wheels side by side, or a section of both tracks, or a pair of feet."""
 
     x_m: Metres
     wheels: Annotated[int, Meta(ge=1)]
     driven: bool
     wheel: WheelKeys | None
+
+
+class TracksKeys(Struct, frozen=True):
+    """Tracks of a vehicle."""
+
+    length_m: Metres
+    width_m: Metres
+    radius_m: Metres
+    front_height_m: Metres
+    approach_deg: Degrees
+    max_torque_Nm: NewtonMetres | None
+
+
+class FeetKeys(Struct, frozen=True):
+    """Feet of a vehicle."""
+
+    diameter_m: Metres
+    reach_m: Annotated[Metres, Meta(ge=0)]
+    step_height_m: Metres
+    bearing: Annotated[int, Meta(ge=1)]
 
 
 class OverhangKeys(Struct, frozen=True):
@@ -222,6 +242,9 @@ class VehicleKeys(Struct, frozen=True):
     battery: BatteryKeys | None
     stopping_distance_m: Metres | None
     reaction_time_s: Seconds
+    gear: Annotated[str, one_of(GEARS)]
+    tracks: TracksKeys | None
+    feet: FeetKeys | None
     margins: MarginKeys
     classes: Annotated[ThresholdKeys, ResultMember("thresholds")]
 
@@ -282,6 +305,7 @@ class SurfaceKeys(Struct, frozen=True):
     thrust_N: Newtons | None
     resistance_N: Newtons | None
     drawbar_N: Newtons | None
+    bearing_N: Newtons | None
     torque_Nm: NewtonMetres | None
     utilisation: float | None
     slip: float | None

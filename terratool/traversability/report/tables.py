@@ -120,6 +120,11 @@ def contact(report: TraversabilityReport) -> Table:
         (Column("thrust, N"), lambda f: numbers.number(f.thrust)),
         (Column("resistance, N"), lambda f: numbers.number(f.resistance)),
         (Column("drawbar pull, N"), lambda f: numbers.number(f.drawbar)),
+        *(
+            ((Column("bears, N"), lambda f: numbers.number(f.bearing)),)
+            if report.vehicle.feet
+            else ()
+        ),
         (Column("torque on the level, N m"), lambda f: numbers.number(f.torque)),
         (Column("strength used"), lambda f: _used_share(f.utilisation)),
         (Column("slip"), lambda f: numbers.share(f.slip)),
@@ -332,10 +337,14 @@ def properties(vehicle: Vehicle) -> Table:
 def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
     wheel, margins, limits = vehicle.wheel, vehicle.margins, vehicle.thresholds
     yield "model", vehicle.model
-    yield "wheel", _sizes(wheel)
-    yield "largest torque of a wheel", numbers.quantity(wheel.max_torque, "N m")
-    yield "largest slip", numbers.share(wheel.max_slip)
-    if not vehicle.is_single:
+    if vehicle.tracks or vehicle.feet:
+        yield from _gear(vehicle)
+    else:
+        yield "wheel", _sizes(wheel)
+        yield "largest torque of a wheel", numbers.quantity(wheel.max_torque, "N m")
+    if not vehicle.feet:
+        yield "largest slip", numbers.share(wheel.max_slip)
+    if not vehicle.is_single and vehicle.gear == "wheels":
         yield "steering", STEERING[vehicle.steering]
     if vehicle.is_single:
         yield "load", numbers.quantity(vehicle.weight, "N")
@@ -344,8 +353,9 @@ def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
         yield "loads", "; ".join(map(wording.load, vehicle.loads))
         gravity = numbers.quantity(vehicle.gravity, "m/s²")
         yield "weight", f"{numbers.quantity(vehicle.weight, 'N')} at {gravity}"
-        yield "axles", "; ".join(map(_axle, vehicle.axles))
-        yield "wheelbase", numbers.length(vehicle.wheelbase)
+        if vehicle.gear == "wheels":
+            yield "axles", "; ".join(map(_axle, vehicle.axles))
+            yield "wheelbase", numbers.length(vehicle.wheelbase)
         yield "track", numbers.length(vehicle.track_width)
         yield "height of the centre of gravity", numbers.length(vehicle.cog_height)
         yield "clearance", numbers.length(vehicle.clearance)
@@ -380,6 +390,21 @@ def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
     caution = f"all of the soil’s strength, slip {numbers.share(limits.caution_slip)}, all of the "
     caution += "torque, all of a limit of shape, a drift of "
     yield "caution up to", f"{caution}{numbers.degrees(limits.caution_drift)}"
+
+
+def _gear(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
+    """Yield titles and texts on tracks or feet."""
+    if tracks := vehicle.tracks:
+        size = f"{numbers.length(tracks.length)} long, {numbers.length(tracks.width)} wide"
+        yield "tracks", f"{size}, sprockets of radius {numbers.length(tracks.radius)}"
+        yield "front idler", f"{numbers.length(tracks.front_height)} high"
+        yield "largest torque of a track", numbers.quantity(tracks.max_torque, "N m")
+    if feet := vehicle.feet:
+        yield "feet", f"{vehicle.wheels} of diameter {numbers.length(feet.diameter)}"
+        yield "length of the stance", numbers.length(vehicle.wheelbase)
+        yield "height of a step", numbers.length(feet.step_height)
+        yield "reach of a foot", numbers.length(feet.reach)
+        yield "feet that bear it as it walks", str(feet.bearing)
 
 
 def title(figures: Figures) -> str:

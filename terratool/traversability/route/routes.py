@@ -123,8 +123,8 @@ def route_grid(
     if resolution > coarsest:
         raise RequestError(
             f"The ground of {east - west:.12g} by {north - south:.12g} m is too large to look for "
-            f"routes: their grid would have pixels of {resolution:.4g} m, and wheels of radius "
-            f"{vehicle.wheel.radius:g} m take at most {coarsest:.4g} m.",
+            f"routes: their grid would have pixels of {resolution:.4g} m, and "
+            f"{vehicle.size_words} m take at most {coarsest:.4g} m.",
             "Look at a part of it with --bounds W S E N.",
         )
     return grid, narrow_note(vehicle, resolution)
