@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -44,6 +44,12 @@ BACKWARD = 1.05
 
 ALLOWED, BACKING = 1, 2
 """Bits of a state: the vehicle may be there, and may be there when it moves backwards."""
+
+CAREFUL, BETWEEN = 4, 8
+"""Bits of a state for `pulled`: it is caution, and it leaves room for directions beside it."""
+
+_ROUNDS = 64
+"""Most rounds in which a way is pulled straight."""
 
 _BELOW = 1.0 - 1e-6
 """Factor of the least rate that allows for rates rounded to single precision."""
@@ -257,6 +263,22 @@ def _towards(angle: float, headings: int) -> Offset:
             return edge[errors.index(best)]
 
 
+def state_flags(
+    survey: Survey, can: NDArray[np.bool_], part: Any = np.s_[:, :]
+) -> NDArray[np.uint8]:
+    """Bits of states, (headings, height, width) uint8, or of a part of the cells; `can` as there.
+
+    What a slope asks for along a direction is at most 1 / cos of the angle to a heading beside it
+    more than along that heading, if the fall line lies between two: BETWEEN states have room for
+    that.
+    """
+    room = math.cos(math.pi / survey.headings)
+    beside = ~(survey.utilisation[:, *part] > room)
+    caution = survey.verdict[:, *part] == Verdict.CAUTION
+    bits = ALLOWED | BACKING | np.where(caution, CAREFUL, 0) | np.where(beside, BETWEEN, 0)
+    return np.where(can, bits, 0).astype(np.uint8)
+
+
 @dataclass(frozen=True, slots=True)
 class Costs:
     """Costs of moves, for the kernels.
@@ -357,3 +379,28 @@ def cheapest_way(
     kernels.mark(search, reached)
     states = np.unravel_index(kernels.way(search)[::-1], shape)
     return SearchResult(kernels.cost(search), np.stack(states, axis=-1), reached)
+
+
+def pulled(costs: Costs, found: SearchResult, both: bool = False) -> NDArray[np.int64]:
+    """The corners of a way pulled straight: (n, 4) int64 row, column, sign and side.
+
+    Legs of any direction between the middles of cells take the place of chains of moves where they
+    cost less, and are neither longer over ground nor caution for longer. Corners are left out,
+    moved and cut off until nothing gets better: the way stays on its side of obstacles. A leg is
+    judged and paid as a move. Between two headings it must be drivable with both, and the dearer
+    one counts. Cells of tiles that the search has not looked at are not driven, so that the way
+    does not depend on which tiles happen to be known.
+
+    Args:
+        costs: costs of the search, with bits of `state_flags`.
+        found: the search's result, with a way.
+        both: whether new legs must be drivable backwards, too, by both headings of each.
+
+    Returns:
+        For each corner its cell, how the leg to it is driven (1 ahead, −1 backwards, 0 for the
+        start), and to which side the vehicle turns there (1 clockwise, −1, 0 for no turn).
+    """
+    looked_at = np.zeros_like(costs.known)
+    rows, columns = np.nonzero(found.reached)
+    looked_at[rows // costs.tile, columns // costs.tile] = True
+    return kernels.pull(replace(costs, known=looked_at), found.states, _ROUNDS, both)

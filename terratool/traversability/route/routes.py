@@ -47,7 +47,9 @@ from terratool.traversability.route.graph import (
     check_preference,
     drivable,
     least_rate,
+    pulled,
     rates,
+    state_flags,
     turn_prices,
     turnable,
     turning_arc,
@@ -61,6 +63,7 @@ from terratool.traversability.route.paths import (
     graph_path,
     location_at,
     profile,
+    pulled_path,
     reversed_path,
     straight_path,
     worst_verdict,
@@ -194,8 +197,11 @@ def search_route(
     tiles.complete(*np.array(ends).T)
     on = RouteSite.of(terrain, vehicle, tiles)
     stands = tuple(can_stand(terrain, tiles.survey, *end) for end in zip(places, ends, strict=True))
-    found = _search(on, prefer, *ends) if stands[0] else None
-    return RouteSearch(on, places, ends, stands, found)
+    if not stands[0]:
+        return RouteSearch(on, places, ends, stands, None)
+    costs, fill = _costs(on, prefer)
+    found = _search_tiles(on, costs, fill, *ends)
+    return RouteSearch(on, places, ends, stands, found, costs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,6 +214,7 @@ class RouteSearch:
         ends: cells of start and goal.
         stands: whether the vehicle can stand at start and goal.
         found: result of the search; None where the vehicle cannot stand at the start.
+        costs: costs of the search; None where there was none.
     """
 
     on: RouteSite
@@ -215,11 +222,27 @@ class RouteSearch:
     ends: tuple[Cell, ...]
     stands: tuple[bool, ...]
     found: SearchResult | None
+    costs: Costs | None = None
 
     @property
     def has_way(self) -> bool:
         """Whether there is a way."""
         return self.found is not None and len(self.found.states) > 0 and self.stands[1]
+
+    def _way(self, route: Route) -> Route:
+        """Complete a route by the way that was found, pulled straight.
+
+        It is one-way only if the chain of moves is, too.
+        """
+        assert self.found is not None and self.costs is not None
+        survey, chain = self.on.survey, graph_path(self.found.states, self.on.survey)
+        for both in (False, True):
+            corners = pulled(self.costs, self.found, both)
+            path = pulled_path(corners, survey) if len(corners) > 1 else chain
+            one_way = not _leads_back(path, self.on)
+            if not one_way or not _leads_back(chain, self.on):
+                return _with_way(route, path, self.on, one_way)
+        return _with_way(route, chain, self.on, False)
 
     def route(self) -> Route:
         """The route with its way, or with barriers, which take a second search."""
@@ -237,7 +260,7 @@ class RouteSearch:
         if self.found is None:
             return _with_barriers(route, (_barrier_at(on, start, ends[0]),), None, note)
         if self.has_way:
-            return _with_way(route, graph_path(self.found.states, on.survey), on)
+            return self._way(route)
         nearest = _nearest_marked(on.terrain, on.survey, self.found.reached, ends[1])
         between = barriers(on, _least_resistance(on, *ends))
         # the goal's cell may be reachable although the goal itself has no ground
@@ -283,7 +306,7 @@ def check_route(
     route = Route(start, goal, False, False, Verdict.NO_GO, headings=tiles.survey.headings)
     found = barriers(on, path)
     if not found:
-        return _with_way(route, path, on)
+        return _with_way(route, path, on, not _leads_back(path, on))
     at = (found[0].place.x, found[0].place.y)
     first = int(np.flatnonzero((path.x == at[0]) & (path.y == at[1]))[0])
     before = location_at(
@@ -346,8 +369,8 @@ def reach_of(
     )
 
 
-def _search(on: RouteSite, prefer: Preference, begin: Cell, end: Cell) -> SearchResult:
-    """Search for the cheapest way through states that are go or caution."""
+def _costs(on: RouteSite, prefer: Preference) -> tuple[Costs, Callable[[Any], None]]:
+    """Costs of ways through states that are go or caution, and what fills in those of a part."""
     survey, vehicle = on.survey, on.vehicle
     prices = turn_prices(on.turns, survey, vehicle, prefer)
     costs = Costs.of(
@@ -357,13 +380,12 @@ def _search(on: RouteSite, prefer: Preference, begin: Cell, end: Cell) -> Search
 
     def fill(part: Any) -> None:
         """Fill in the costs of a part of the cells."""
-        can = drivable(survey, part)
-        costs.flags[:, *part] = np.where(can, ALLOWED | BACKING, 0)
+        costs.flags[:, *part] = state_flags(survey, drivable(survey, part), part)
         costs.rate[:, *part] = rates(survey, vehicle, prefer, part)
         costs.turn[part] = prices.fixed[survey.surfaces[part]]
         costs.runs[part] = prices.metres[survey.surfaces[part]]
 
-    return _search_tiles(on, costs, fill, begin, end)
+    return costs, fill
 
 
 def _search_tiles(
@@ -386,7 +408,7 @@ def _search_tiles(
     return cheapest_way(costs, np.array(starts, np.int64), end, ask)
 
 
-def _with_way(route: Route, path: Path, on: RouteSite) -> Route:
+def _with_way(route: Route, path: Path, on: RouteSite, one_way: bool) -> Route:
     """Complete a route by a way that was found: its cost, extremes, profile and verdict.
 
     The way is one-way if its cells, and those beside them, do not lead back.
@@ -397,7 +419,7 @@ def _with_way(route: Route, path: Path, on: RouteSite) -> Route:
     steepest = find_extreme(terrain, along_it.pitch, along_it, of_size=True)
     softest = find_extreme(terrain, along_it.sinkage, along_it)
     tightest = find_extreme(terrain, along_it.utilisation, along_it)
-    verdict, one_way = worst_verdict(along_it.verdict), not _leads_back(path, on)
+    verdict = worst_verdict(along_it.verdict)
     chance, least_chance = _chances(path, along_it, on)
     if one_way and RANKS[verdict] < RANKS[Verdict.CAUTION]:
         verdict = Verdict.CAUTION
