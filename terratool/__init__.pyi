@@ -268,6 +268,7 @@ class Terrain(ShownTerrain):
         returns: bool = False,
         start: Point | None = None,
         prefer: Preference = "time",
+        alternatives: int = 0,
         resolution: float | None = None,
         bounds: Bounds | None = None,
         headings: int | None = None,

@@ -118,14 +118,16 @@ void demands(In load, const Soils& soils, In pull, const Wheel& wheel, Span<Dema
 }
 
 // The states of a way are those of the costs.
-Rows<i64, 4> pull_way(const Costs& costs, Matrix<const i64> states, i64 rounds, bool both) {
+Rows<i64, 4> pull_way(
+    const Costs& costs, Matrix<const i64> states, i64 rounds, bool both, i64 near
+) {
     constexpr IndexCheck check_index{"pull"};
     check_costs(costs, check_index);
     std::array<i64, 3> sizes{costs.rate.layers(), costs.rate.rows(), costs.rate.columns()};
     for (i64 n = 0; n < states.rows(); ++n)
         for (std::size_t k = 0; k < 3; ++k)
             check_index(0 <= states[n][k] && states[n][k] < sizes[k], "a state");
-    return pull(costs, states, rounds, both);
+    return pull(costs, states, rounds, both, near);
 }
 
 // Samples are marked in as many words as there are.
@@ -299,7 +301,7 @@ void bind_traversability(nb::module_ m) {
     def<&Search::mark>(m, "mark", "Mark the cells that were reached.", {"search", "out[_,_]"});
     def<&pull_way>(
         m, "pull", "Corners of a way pulled straight: row, column, sign of the leg, side of turn.",
-        {"costs", "states[n,3]", "rounds", "both"}
+        {"costs", "states[n,3]", "rounds", "both", "near"}
     );
     def<&flood>(
         m, "flood", "Spread over what can be driven; over how many states, fewer once all is done.",

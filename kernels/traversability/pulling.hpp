@@ -35,9 +35,10 @@ struct Toll {
 class PulledWay {
 public:
     // `states` are heading, row and column, from the start to the goal, one move after the other.
-    // Legs can be driven back, too, if `both`.
-    PulledWay(const Costs& costs, Matrix<const i64> states, bool both)
-        : costs_(costs), both_(both) {
+    // Legs can be driven back, too, if `both`. The way goes no further at a time than past what is
+    // narrower than a step of `near` cells, if that is not 0: it stays on its side of obstacles.
+    PulledWay(const Costs& costs, Matrix<const i64> states, bool both, i64 near)
+        : costs_(costs), both_(both), near_(near) {
         const Moves& moves = costs.moves;
         for (i64 n = 0; n < states.rows(); ++n) {
             auto at = states[n];
@@ -116,6 +117,7 @@ private:
 
     const Costs& costs_;
     bool both_, pulling_ = false;
+    i64 near_;
     std::vector<Corner> corners_;
 
     i64 count() const { return count_of(corners_); }
@@ -285,9 +287,27 @@ private:
         return true;
     }
 
+    // Cells between two, along the longer axis.
+    static i64 apart(Cell one, Cell two) {
+        return max(abs(one.row - two.row), abs(one.column - two.column));
+    }
+
+    // Whether a way straight past a corner would go no further than it may at a time.
+    bool passes_near(i64 n) const {
+        Cell at = corners_[n].cell, before = corners_[n - 1].cell, next = corners_[n + 1].cell;
+        auto cross = [](Cell a, Cell b) { return double(a.row * b.column - a.column * b.row); };
+        auto less = [](Cell a, Cell b) { return Cell{a.row - b.row, a.column - b.column}; };
+        Cell base = less(next, before);
+        double length = sqrt(double(square(base.row) + square(base.column)));
+        double height = abs(cross(base, less(at, before))) / max(length, 1.0);
+        return height <= double(near_)
+            && min(apart(at, before), apart(at, next)) <= apart(before, next);
+    }
+
     // Leave out a corner, with as many after it as can be.
     bool drop_from(i64 n) {
-        for (i64 more = FARTHEST; more > 0; more /= 2) {
+        if (near_ && !passes_near(n)) return false;
+        for (i64 more = near_ ? 1 : FARTHEST; more > 0; more /= 2) {
             i64 last = n + more;
             if (last >= count()) continue;
             bool alike = true;
@@ -297,19 +317,21 @@ private:
         return false;
     }
 
-    // Move a corner, by far or by near.
+    // Move a corner by far or by near, or the leg from it to the next one.
     bool shift(i64 n) {
-        Cell before = corners_[n - 1].cell, at = corners_[n].cell, next = corners_[n + 1].cell;
-        auto far = [&](Cell cell) {
-            return max(abs(cell.row - at.row), abs(cell.column - at.column));
-        };
-        i64 step = i64(std::bit_floor(u64(max<i64>(1, min(far(before), far(next))))));
+        Cell at = corners_[n].cell, next = corners_[n + 1].cell;
+        i64 room = min(apart(at, corners_[n - 1].cell), apart(at, next));
+        bool slides = n + 2 < count() && corners_[n].sign == corners_[n + 1].sign
+            && corners_[n].sign == corners_[n + 2].sign;
+        i64 step = i64(std::bit_floor(u64(max<i64>(1, near_ ? min(room, near_) : room))));
         for (; step > 0; step /= 2) {
             for (i64 down : {-step, i64(0), step}) {
                 for (i64 right : {-step, i64(0), step}) {
                     if (!down && !right) continue;
                     Cell to{at.row + down, at.column + right};
                     if (replace(n - 1, n + 1, std::array{to})) return true;
+                    Cell end{next.row + down, next.column + right};
+                    if (slides && replace(n - 1, n + 2, std::array{to, end})) return true;
                 }
             }
         }
@@ -322,14 +344,14 @@ private:
         Cell at = corners_[n].cell;
         for (i64 part : {2, 4, 8, 16}) {
             auto towards = [&](Cell cell) {
+                i64 share = near_ ? max(part, (2 * apart(at, cell) + near_ - 1) / near_) : part;
                 return Cell{
-                    at.row + (cell.row - at.row) / part,
-                    at.column + (cell.column - at.column) / part
+                    at.row + (cell.row - at.row) / share,
+                    at.column + (cell.column - at.column) / share
                 };
             };
             Cell one = towards(corners_[n - 1].cell), two = towards(corners_[n + 1].cell);
-            auto same = [](Cell a, Cell b) { return a.row == b.row && a.column == b.column; };
-            if (same(one, at) || same(two, at) || same(one, two)) continue;
+            if (!apart(one, at) || !apart(two, at) || !apart(one, two)) continue;
             if (replace(n - 1, n + 1, std::array{one, two})) return true;
         }
         return false;
@@ -337,8 +359,10 @@ private:
 };
 
 // Pull a way straight; see `PulledWay`.
-inline Rows<i64, 4> pull(const Costs& costs, Matrix<const i64> states, i64 rounds, bool both) {
-    PulledWay way(costs, states, both);
+inline Rows<i64, 4> pull(
+    const Costs& costs, Matrix<const i64> states, i64 rounds, bool both, i64 near
+) {
+    PulledWay way(costs, states, both, near);
     way.pull(int(rounds));
     return way.corners();
 }

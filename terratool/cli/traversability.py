@@ -89,6 +89,13 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         help=f"Choose the best by {', '.join(PREFERENCES)}.",
     ),
     click.option(
+        "--alternatives",
+        type=click.IntRange(0, 9),
+        default=0,
+        metavar="N",
+        help="Further ways that differ, up to 9.",
+    ),
+    click.option(
         "--from",
         "start",
         nargs=2,
@@ -185,6 +192,7 @@ def command(
     start: tuple[float, float] | None,
     local: bool,
     prefer: Any,
+    alternatives: int,
     resolution: float | None,
     bounds: tuple[float, float, float, float] | None,
     headings: int | None,
@@ -228,8 +236,8 @@ def command(
     )  # fmt: skip
     base = Request(
         waypoints=tuple(map(read_waypoints, waypoints)), returns=returns, prefer=prefer,
-        bounds=bounds, headings=headings, samples=samples, seed=seed, threads=threads,
-        dask=dask,
+        alternatives=alternatives, bounds=bounds, headings=headings, samples=samples, seed=seed,
+        threads=threads, dask=dask,
     )  # fmt: skip
 
     def vehicles_of(paths: tuple[str, ...]) -> list[Vehicle]:
@@ -257,7 +265,7 @@ def command(
         [path for path in reports if Path(path).suffix.lower() == suffix]
         for suffix in (".geojson", ".svg")
     )
-    routed = [*lines_only, *["--return"] * returns]
+    routed = [*lines_only, *["--return"] * returns, *["--alternatives"] * bool(alternatives)]
     _refuse_unasked(checks, travels, start is not None, routed, curves, model)
     paths = asked.vehicles or ()
     for path in reports:

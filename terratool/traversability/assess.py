@@ -20,7 +20,7 @@ from terratool.field.terrain import Terrain, check_overlap
 from terratool.io.geotiff import TILE
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, grid_over
 from terratool.report.numbers import coordinates, per_cent, pixels
-from terratool.report.wording import join_words
+from terratool.report.wording import count_of, join_words
 from terratool.tasks import thread_count
 from terratool.text.display import quote
 from terratool.traversability.map import MapBuilder, begin_of, default_resolution, stream_map
@@ -39,6 +39,7 @@ from terratool.traversability.results import (
     TraversabilityReport,
     Verdict,
 )
+from terratool.traversability.route.alternatives import MOST as MOST_ALTERNATIVES
 from terratool.traversability.route.barriers import BlockedPlace, RouteSite, blocked_place
 from terratool.traversability.route.graph import Preference, check_preference, drivable, turnable
 from terratool.traversability.route.headings import Progress, WayFinder, finer_headings
@@ -94,6 +95,8 @@ class Request:
         start: x and y of the place from which reachable ground counts, m; the largest part of the
             ground counts if None.
         prefer: the quantity that routes minimise.
+        alternatives: number of further ways that are wanted of each route, 0 to 9; fewer are found
+            where no more differ enough.
         resolution: side of a pixel of the map, m, and of routes where that is not too fine; chosen
             if None.
         why: reason for that resolution, in words, for a note.
@@ -115,6 +118,7 @@ class Request:
     returns: bool = False
     start: Point | None = None
     prefer: Preference = "time"
+    alternatives: int = 0
     resolution: float | None = None
     why: str = "as asked"
     bounds: Bounds | None = None
@@ -227,6 +231,11 @@ def prepare_assessment(
     terrain.refuse_degrees("A vehicle")
     terrain = terrain.written_out
     check_preference(request.prefer)
+    if not 0 <= request.alternatives <= MOST_ALTERNATIVES:
+        raise RequestError(
+            f"{request.alternatives} alternatives are asked for.",
+            f"Give a number from 0 to {MOST_ALTERNATIVES}.",
+        )
     if request.headings is not None:
         refuse_headings(request.headings)
     thread_count(request.threads)
@@ -472,6 +481,7 @@ def assess(
             *prepared.notes,
             *_coverage_note(prepared),
             *_headings_note(prepared, routes),
+            *_alternatives_note(prepared.request, routes),
             *_sampling_note(draws),
         ),
         geojson=geojson_head(terrain),
@@ -539,6 +549,14 @@ def _plan_routes(prepared: PreparedRequest, progress: Progress | None) -> tuple[
     def plan(begin: Point, end: Point) -> Route:
         return finder.plan(begin, end, prefer=request.prefer)
 
+    def beside(route: Route, begin: Point, end: Point) -> Route:
+        ends, prefer = (begin, end), request.prefer
+        return replace(
+            route,
+            all_go_longer=finder.all_go_longer(route, *ends, prefer),
+            alternatives=finder.alternatives(route, *ends, prefer, request.alternatives),
+        )
+
     check = finder.check
     ways: list[tuple[Callable[..., Route], tuple[Any, ...], tuple[Any, ...]]] = [
         (plan, ((x0, y0), (x1, y1)), ((x1, y1), (x0, y0))) for x0, y0, x1, y1 in request.routes
@@ -547,6 +565,8 @@ def _plan_routes(prepared: PreparedRequest, progress: Progress | None) -> tuple[
     found = []
     for find, there, back in ways:
         route = find(*there)
+        if find is plan:
+            route = beside(route, *there)
         if request.returns and route.found:
             route = with_way_back(route, find(*back))
         found.append(route)
@@ -577,6 +597,17 @@ def _headings_note(prepared: PreparedRequest, routes: Sequence[Route]) -> Iterat
             "as cut-off or one-way what that route passes. "
             f"With --headings {most} both have the same."
         )
+
+
+def _alternatives_note(request: Request, routes: Sequence[Route]) -> Iterator[str]:
+    """Notes on routes that have fewer alternatives than were asked for."""
+    for number, route in enumerate(routes, 1):
+        count = len(route.alternatives)
+        if route.found and route.planned and count < request.alternatives:
+            which = f" to route {number}" if len(routes) > 1 else ""
+            wanted = count_of(request.alternatives, "alternative")
+            differ = "differ" if count > 1 else "differs"
+            yield f"Of {wanted}{which}, {count or 'none'} {differ} enough."
 
 
 def _sampling_note(draws: Draws | None) -> Iterator[str]:

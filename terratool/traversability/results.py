@@ -439,6 +439,11 @@ class Route:
         least_chance: smallest probability of go along the way; None where no figures of soils are
             ranges.
         turning: part of the energy that turns on the spot take, J; None if there is no way.
+        all_go_longer: how much longer the best way by margin is, m, if that is go all along, and
+            this is not; None where it is not, or was not looked for.
+        alternatives: further ways, of those that were asked for.
+        shared: share of the length of an alternative that lies beside the best way and alternatives
+            before it; None for no alternative.
     """
 
     start: Location
@@ -465,6 +470,9 @@ class Route:
     chance: float | None = None
     least_chance: Extreme | None = None
     turning: float | None = None
+    all_go_longer: float | None = None
+    alternatives: tuple[Route, ...] = ()
+    shared: float | None = None
 
     @property
     def holds(self) -> bool:

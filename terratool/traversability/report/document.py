@@ -345,6 +345,9 @@ class RouteKeys(Struct, frozen=True):
     headings: int
     tried_headings: tuple[int, ...]
     ruled_out_headings: int | None
+    all_go_longer_m: Metres | None
+    alternatives: tuple[RouteKeys, ...]
+    shared: Share | None
     profile: ProfileKeys | None
     probability: Annotated[Share | UnsetType, ResultMember("chance")] = UNSET
     least_probability: Annotated[LeastChanceKeys | UnsetType, ResultMember("least_chance")] = UNSET

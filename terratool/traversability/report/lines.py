@@ -51,6 +51,8 @@ def _one(report: TraversabilityReport) -> Iterator[str]:
         line = printable(wording.route_line(route))
         if line not in printable(wording.conclusion(report)):
             yield from wrap(f"{route.verdict.label}: {line}")
+        for number, way in enumerate(route.alternatives, 1):
+            yield from wrap(f"alternative {number}: {wording.alternative(way)}")
     if report.reach and (line := wording.reach_line(report.reach)) != wording.conclusion(report):
         yield from wrap(printable(line))
     yield from _mend_lines(report)

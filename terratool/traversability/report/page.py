@@ -136,14 +136,15 @@ def _picture_of(report: TraversabilityReport, preview: Preview) -> dict[str, Any
         reached = report.reach.cells[::stride, ::stride]
     west, south, east, north = preview.grid.bounds
     width, height = east - west, north - south
-    ways = [(_points(route, preview), route.found) for route in report.routes]
-    back = (route.back for route in report.routes)
-    ways += [(_points(route, preview), False) for route in back if route is not None]
+    drawn = [(way, " thin") for route in report.routes for way in route.alternatives]
+    drawn += [(route, "" if route.found else " dashed") for route in report.routes]
+    drawn += [(route.back, " dashed") for route in report.routes if route.back is not None]
+    ways = [(_points(route, preview), style) for route, style in drawn]
     scale = ticks(0.0, width, 4)[1]
     return {
         "width": f"{min(60.0, 44.0 * (width / height)):.4g}",
         "png": base64.b64encode(png(map_picture(preview, reached))).decode("ascii"),
-        "ways": [(points, found) for points, found in ways if points],
+        "ways": [(points, style) for points, style in ways if points],
         "pins": _pins(report, _source(report), preview),
         "x_axis": _axis(west, east),
         "y_axis": [(100.0 - at, text) for at, text in _axis(south, north)],

@@ -46,11 +46,14 @@ def route_features(routes: Sequence[Route]) -> Iterator[Feature]:
     """Yield features of routes, of their stretches, and of their places.
 
     `kind` of a feature is "route", "stretch" (of one surface, element, verdict and reason),
-    "start", "goal", or "barrier". `route` counts the routes from 1; a way back has `back`.
-    Coordinates are those of the terrain. Unknown values are null.
+    "start", "goal", or "barrier". `route` counts the routes from 1, and `alternative` those of a
+    route; a way back has `back`. Coordinates are those of the terrain. Unknown values are null.
     """
     for number, route in enumerate(routes, 1):
         yield from _features(route, {"route": number, "back": False})
+        for other, way in enumerate(route.alternatives, 1):
+            own = {"route": number, "back": False, "alternative": other}
+            yield from _features(way, own)
         if route.back is not None:
             yield from _features(route.back, {"route": number, "back": True})
 
@@ -82,6 +85,7 @@ def _summary(route: Route) -> dict[str, Any]:
         "energy_J": exact(route.energy),
         "turning_J": exact(route.turning),
         "note": route.note or None,
+        **({} if route.shared is None else {"shared": exact(route.shared)}),
         **chances,
     }
 

@@ -265,6 +265,8 @@ def journey(route: Route) -> Iterator[tuple[str, str]]:
         yield "one-way", "it cannot be driven back the same way"
     if looked := wording.headings_line(route):
         yield "headings", looked
+    for number, other in enumerate(route.alternatives, 1):
+        yield f"alternative {number}", wording.alternative(other)
     if route.back is not None:
         yield "way back", wording.route_line(route.back)
 

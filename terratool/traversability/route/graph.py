@@ -381,20 +381,24 @@ def cheapest_way(
     return SearchResult(kernels.cost(search), np.stack(states, axis=-1), reached)
 
 
-def pulled(costs: Costs, found: SearchResult, both: bool = False) -> NDArray[np.int64]:
+def pulled(
+    costs: Costs, found: SearchResult, both: bool = False, near: int = 0
+) -> NDArray[np.int64]:
     """The corners of a way pulled straight: (n, 4) int64 row, column, sign and side.
 
     Legs of any direction between the middles of cells take the place of chains of moves where they
     cost less, and are neither longer over ground nor caution for longer. Corners are left out,
-    moved and cut off until nothing gets better: the way stays on its side of obstacles. A leg is
-    judged and paid as a move. Between two headings it must be drivable with both, and the dearer
-    one counts. Cells of tiles that the search has not looked at are not driven, so that the way
-    does not depend on which tiles happen to be known.
+    moved and cut off until nothing gets better. A leg is judged and paid as a move. Between two
+    headings it must be drivable with both, and the dearer one counts. Cells of tiles that the
+    search has not looked at are not driven, so that the way does not depend on which tiles happen
+    to be known.
 
     Args:
         costs: costs of the search, with bits of `state_flags`.
         found: the search's result, with a way.
         both: whether new legs must be drivable backwards, too, by both headings of each.
+        near: cells by which corners move at a time, so that the way stays on its side of obstacles
+            that are wider; 0 for any number.
 
     Returns:
         For each corner its cell, how the leg to it is driven (1 ahead, −1 backwards, 0 for the
@@ -403,4 +407,4 @@ def pulled(costs: Costs, found: SearchResult, both: bool = False) -> NDArray[np.
     looked_at = np.zeros_like(costs.known)
     rows, columns = np.nonzero(found.reached)
     looked_at[rows // costs.tile, columns // costs.tile] = True
-    return kernels.pull(replace(costs, known=looked_at), found.states, _ROUNDS, both)
+    return kernels.pull(replace(costs, known=looked_at), found.states, _ROUNDS, both, near)

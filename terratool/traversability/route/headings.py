@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
-from terratool.traversability.results import FINER_HEADINGS, HEADINGS, Route
+from terratool.traversability.results import FINER_HEADINGS, HEADINGS, Route, Verdict
+from terratool.traversability.route.alternatives import Penalties, find_alternatives
 from terratool.traversability.route.barriers import Cell, Point
 from terratool.traversability.route.graph import Preference, drivable
 from terratool.traversability.route.paths import cell_of
@@ -97,6 +98,40 @@ class WayFinder:
             if search.has_way:
                 break
         return replace(search.route(), tried_headings=tried)
+
+    def all_go_longer(
+        self, route: Route, start: Point, goal: Point, prefer: Preference = "time"
+    ) -> float | None:
+        """How much longer the best way by margin is than a route, m, if it alone is go all along.
+
+        It takes another search, which is made where some of the route is caution; else None.
+        """
+        if prefer == "margin" or route.profile is None or not route.found:
+            return None
+        if not np.any(route.profile.verdict == Verdict.CAUTION):
+            return None
+        tiles = self._survey_with(route.headings)
+        wide = search_route(self._terrain, self._vehicle, tiles, start, goal, "margin").route()
+        if wide.verdict != Verdict.GO or wide.length is None or route.length is None:
+            return None
+        return wide.length - route.length
+
+    def alternatives(
+        self, route: Route, start: Point, goal: Point, prefer: Preference, count: int
+    ) -> tuple[Route, ...]:
+        """Alternatives to a route that was planned, `count` at most, with its headings."""
+        if not route.found or not count:
+            return ()
+        tiles = self._survey_with(route.headings)
+
+        def search(penalties: Penalties) -> Route:
+            found = search_route(
+                self._terrain, self._vehicle, tiles, start, goal, prefer, penalties
+            )
+            return found.route()
+
+        width = 2.0 * self._vehicle.rectangle[2]
+        return find_alternatives(route, tiles.survey.grid, width, prefer, count, search)
 
     def check(self, waypoints: ArrayLike) -> Route:
         """Check waypoints as `check_route` does, by the fewest headings that show a way.

@@ -95,6 +95,10 @@ _BARRIER_WEIGHT = 1e6
 """Weight of a metre that cannot be driven, on the way of least resistance."""
 
 
+_NEAR = 2
+"""Cells by which corners of an alternative move at a time, so that it stays one."""
+
+
 def route_grid(
     terrain: Terrain,
     vehicle: Vehicle,
@@ -180,8 +184,11 @@ def search_route(
     start: Point,
     goal: Point,
     prefer: Preference = "time",
+    penalties: NDArray[np.float32] | None = None,
 ) -> RouteSearch:
     """Run the search of `plan_route` alone, without barriers.
+
+    Costs of cells are multiplied by `penalties`, (height, width), 1 or more; by 1 if None.
 
     Raises:
         RequestError: start or goal is outside the terrain or the survey; there is no such
@@ -200,8 +207,14 @@ def search_route(
     if not stands[0]:
         return RouteSearch(on, places, ends, stands, None)
     costs, fill = _costs(on, prefer)
-    found = _search_tiles(on, costs, fill, *ends)
-    return RouteSearch(on, places, ends, stands, found, costs)
+    if penalties is None:
+        found = _search_tiles(on, costs, fill, *ends)
+    else:
+        found = _search_tiles(on, *_penalised(costs, fill, penalties), *ends)
+        for tile in np.flatnonzero(costs.known).tolist():
+            fill(part_of(tiles.window(tile)))  # the way is pulled straight by what it really costs
+    near = 0 if penalties is None else _NEAR
+    return RouteSearch(on, places, ends, stands, found, costs, near)
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,6 +228,8 @@ class RouteSearch:
         stands: whether the vehicle can stand at start and goal.
         found: result of the search; None where the vehicle cannot stand at the start.
         costs: costs of the search; None where there was none.
+        near: cells by which corners of the way move at a time when it is pulled straight; 0 for any
+            number.
     """
 
     on: RouteSite
@@ -223,6 +238,7 @@ class RouteSearch:
     stands: tuple[bool, ...]
     found: SearchResult | None
     costs: Costs | None = None
+    near: int = 0
 
     @property
     def has_way(self) -> bool:
@@ -237,7 +253,7 @@ class RouteSearch:
         assert self.found is not None and self.costs is not None
         survey, chain = self.on.survey, graph_path(self.found.states, self.on.survey)
         for both in (False, True):
-            corners = pulled(self.costs, self.found, both)
+            corners = pulled(self.costs, self.found, both, self.near)
             path = pulled_path(corners, survey) if len(corners) > 1 else chain
             one_way = not _leads_back(path, self.on)
             if not one_way or not _leads_back(chain, self.on):
@@ -386,6 +402,18 @@ def _costs(on: RouteSite, prefer: Preference) -> tuple[Costs, Callable[[Any], No
         costs.runs[part] = prices.metres[survey.surfaces[part]]
 
     return costs, fill
+
+
+def _penalised(
+    costs: Costs, fill: Callable[[Any], None], penalties: NDArray[np.float32]
+) -> tuple[Costs, Callable[[Any], None]]:
+    """Costs whose parts are multiplied by penalties after they are filled in."""
+
+    def fill_more(part: Any) -> None:
+        fill(part)
+        costs.rate[:, *part] *= penalties[part]
+
+    return costs, fill_more
 
 
 def _search_tiles(
