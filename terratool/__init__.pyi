@@ -261,6 +261,7 @@ class Terrain(ShownTerrain):
         *,
         routes: Line | Sequence[Line] = (),
         waypoints: ArrayLike | str | Path | Sequence[ArrayLike | str | Path] = (),
+        keep_out: str | Path | Sequence[str | Path] = (),
         model: Literal["slip", "paper"] = "slip",
         report: str | Path | Sequence[str | Path] = (),
         map: str | Path | None = None,

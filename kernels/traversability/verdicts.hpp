@@ -24,7 +24,8 @@ enum class Reason : u8 {
     HIGH_CENTRED,
     APPROACH,
     ROUGHNESS,
-    TURNING
+    TURNING,
+    KEEP_OUT
 };
 
 template <class Visit> void visit_enumerators(Verdict, Visit visit) {
@@ -39,7 +40,7 @@ template <class Visit> void visit_enumerators(Reason, Visit visit) {
     visit("SLIP", SLIP), visit("SINKAGE", SINKAGE), visit("SIDE_SLIP", SIDE_SLIP);
     visit("TIP_OVER", TIP_OVER), visit("STEP", STEP), visit("HIGH_CENTRED", HIGH_CENTRED);
     visit("APPROACH", APPROACH), visit("ROUGHNESS", ROUGHNESS);
-    visit("TURNING", TURNING);
+    visit("TURNING", TURNING), visit("KEEP_OUT", KEEP_OUT);
 }
 
 // What follows from the measures so far.

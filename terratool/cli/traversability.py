@@ -96,6 +96,12 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         help="Further ways that differ, up to 9.",
     ),
     click.option(
+        "--keep-out",
+        multiple=True,
+        metavar="FILE",
+        help="GeoJSON of zones that nothing of the vehicle enters.",
+    ),
+    click.option(
         "--from",
         "start",
         nargs=2,
@@ -193,6 +199,7 @@ def command(
     local: bool,
     prefer: Any,
     alternatives: int,
+    keep_out: tuple[str, ...],
     resolution: float | None,
     bounds: tuple[float, float, float, float] | None,
     headings: int | None,
@@ -225,6 +232,7 @@ def command(
     from terratool.traversability.report.formats import renderer_of
     from terratool.traversability.report.writing import JudgementFiles
     from terratool.traversability.route.waypoints import read_waypoints
+    from terratool.traversability.route.zones import read_keep_out
 
     settings = project_settings(config_file)
     for text in conditions:
@@ -236,8 +244,9 @@ def command(
     )  # fmt: skip
     base = Request(
         waypoints=tuple(map(read_waypoints, waypoints)), returns=returns, prefer=prefer,
-        alternatives=alternatives, bounds=bounds, headings=headings, samples=samples, seed=seed,
-        threads=threads, dask=dask,
+        alternatives=alternatives,
+        keep_out=tuple(zone for path in keep_out for zone in read_keep_out(path)),
+        bounds=bounds, headings=headings, samples=samples, seed=seed, threads=threads, dask=dask,
     )  # fmt: skip
 
     def vehicles_of(paths: tuple[str, ...]) -> list[Vehicle]:
@@ -247,6 +256,7 @@ def command(
     if len(files) != 1 or is_folder(files[0]) or forms not in ((), ("text",), ("json",)):
         for option, given in (
             ("--report", reports), ("--map", map_), ("--dask", dask), ("--local", local),
+            ("--keep-out", keep_out),
         ):  # fmt: skip
             if given:
                 raise click.UsageError(f"{option} is of one terrain. Name one FILE, or drop it.")
@@ -270,7 +280,7 @@ def command(
     paths = asked.vehicles or ()
     for path in reports:
         renderer_of(path)  # refuses other suffixes
-    _refuse_outputs((file, *paths, *waypoints), reports, _maps(map_, paths), overwrite)
+    _refuse_outputs((file, *paths, *waypoints, *keep_out), reports, _maps(map_, paths), overwrite)
     with drive.telling("vehicles"):
         vehicles = vehicles_of(paths)
     wants_map = map_ is not None or len(lines_only) + len(curves) < len(reports)

@@ -14,6 +14,7 @@ from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid
 from terratool.report.wording import count_of
 from terratool.text.display import printable
+from terratool.traversability.keep_out import Zone
 from terratool.traversability.vehicle import Vehicle
 
 HEADINGS = 8
@@ -109,7 +110,7 @@ In grey the verdicts differ, too: L* 88, 65, 31, unknown 65."""
 _LABELS = (
     "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",
     "slip", "sinkage", "side-slip", "tip-over", "step", "high-centred", "approach or departure",
-    "roughness", "turning on the spot",
+    "roughness", "turning on the spot", "keep-out",
 )  # fmt: skip
 """Names of the measures, by `Reason`."""
 
@@ -132,6 +133,7 @@ class Reason(NamedNumber):
     APPROACH = 12
     ROUGHNESS = 13
     TURNING = 14
+    KEEP_OUT = 15
 
     @property
     def label(self) -> str:
@@ -629,6 +631,7 @@ class TraversabilityReport:
         notes: sentences on how the results were computed: resolutions, and why.
         geojson: a feature collection without features, with the terrain's reference system.
         sampling: sampling of the soils; None where no figures are ranges.
+        keep_out: zones that the vehicle keeps out of.
     """
 
     terrain: str
@@ -645,6 +648,7 @@ class TraversabilityReport:
     notes: tuple[str, ...] = ()
     geojson: dict[str, Any] = field(default_factory=lambda: {"type": "FeatureCollection"})
     sampling: Sampling | None = None
+    keep_out: tuple[Zone, ...] = ()
 
     def __repr__(self) -> str:
         about = " on ".join(printable(name) for name in (self.vehicle.name, self.terrain) if name)

@@ -14,13 +14,14 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window
+from terratool.traversability.keep_out import KeptOut, Zone
 from terratool.traversability.limits import (
     WheelLayout,
     slip_limit,
     tip_edges,
     wheel_layout,
 )
-from terratool.traversability.results import HEADINGS, MOST_HEADINGS
+from terratool.traversability.results import HEADINGS, MOST_HEADINGS, Reason, Verdict
 from terratool.traversability.soil import soils
 from terratool.traversability.stance import (
     FootprintRectangle,
@@ -295,6 +296,7 @@ class Surveyor:
         grid: pixels to be measured.
         headings: number of headings, a multiple of 4 from 4 to 64.
         samples: samples of the soils; None where these are not ranges, or that does not matter.
+        zones: zones that the vehicle keeps out of.
 
     Raises:
         RequestError: the resolution does not go with the vehicle, or the number of headings makes
@@ -303,9 +305,11 @@ class Surveyor:
 
     def __init__(
         self, terrain: Terrain, vehicle: Vehicle, grid: Grid, headings: int = HEADINGS,
-        samples: SoilSamples | None = None,
+        samples: SoilSamples | None = None, zones: tuple[Zone, ...] = (),
     ) -> None:  # fmt: skip
         refuse_headings(headings)
+        self.zones = zones
+        self._kept_out = KeptOut(zones, vehicle, grid, headings) if zones else None
         self.headings = headings
         self.terrain, self.grid, self.vehicle = terrain, grid, vehicle
         self._parts = parts = parts_of(vehicle, grid.resolution)
@@ -327,7 +331,9 @@ class Surveyor:
             self._on_samples = kernels.VehicleOnSamples(params, samples)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Surveyor, (self.terrain, self.vehicle, self.grid, self.headings, self.samples)
+        return Surveyor, (
+            self.terrain, self.vehicle, self.grid, self.headings, self.samples, self.zones,
+        )  # fmt: skip
 
     def windows(self, window: Window) -> Iterator[Window]:
         """Cut a window into windows that are small enough to be measured at once."""
@@ -346,7 +352,7 @@ class Surveyor:
         for heading, stance in self._stances(sweep, window):
             rough[heading], step[heading] = stance.rough, stance.step
             out = Verdicts(verdict[heading], reason[heading], onward[heading], numbers[heading])
-            self._judge(heading, stance, out, go)
+            self._judge(heading, stance, out, go, window)
             left = self._clearances(stance, numbers[heading])
             clearance[heading], overhang[heading] = left
         return WindowMeasures(
@@ -370,17 +376,30 @@ class Surveyor:
         verdict, reason, onward = np.empty((3, *flat), np.uint8)
         out = Verdicts(verdict, reason, onward, np.empty((kernels.PLANES, *flat), np.float32))
         for heading, stance in self._stances(self._sweep_of(window), window, headings):
-            self._judge(heading, stance, out, marked[heading])
+            self._judge(heading, stance, out, marked[heading], window)
         return np.array(list(marked.values()))
 
     def _judge(
-        self, heading: int, stance: Stance, out: Verdicts, go: NDArray[np.uint64] | None
-    ) -> None:
+        self, heading: int, stance: Stance, out: Verdicts, go: NDArray[np.uint64] | None,
+        window: Window,
+    ) -> None:  # fmt: skip
         """Judge a heading into `out`, and set the bits of samples on which it is go in `go`."""
+        barred = None if self._kept_out is None else self._kept_out(window, heading)
+        before = go[barred].copy() if go is not None and barred is not None else None
         direction = self._footprint.by_heading[heading].direction
         kernels.judge_cells(self._on_soils, stance, *direction, out)
         if go is not None and self._on_samples is not None:
             kernels.judge_samples(self._on_samples, stance, *direction, out.verdict, go)
+        if barred is None:
+            return
+        if go is not None and before is not None:
+            go[barred] = before
+        out.onward[barred] = 0
+        # what has no ground under it, or lies over the rim, stays that
+        barred &= (out.reason != Reason.EDGE) & (out.reason != Reason.NO_GROUND)
+        out.verdict[barred], out.reason[barred] = Verdict.NO_GO, Reason.KEEP_OUT
+        for plane in (kernels.UTILISATION, kernels.ENERGY):
+            out.numbers[plane][barred] = np.inf
 
     def _no_samples(self, flat: tuple[int, int]) -> NDArray[np.uint64] | None:
         """Empty sets of samples, (height, width, words) uint64; None where none are sampled."""

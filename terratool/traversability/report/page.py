@@ -16,6 +16,8 @@ from terratool.report import numbers
 from terratool.report.markup import escape_html, escape_markdown, render
 from terratool.report.tables import Table, join_tables
 from terratool.report.wording import join_words
+from terratool.text.display import quote
+from terratool.traversability.keep_out import Zone
 from terratool.traversability.report import comparison, curves, tables, wording
 from terratool.traversability.report.drawing import chart, map_picture
 from terratool.traversability.report.wording import vehicle_name
@@ -145,6 +147,7 @@ def _picture_of(report: TraversabilityReport, preview: Preview) -> dict[str, Any
         "width": f"{min(60.0, 44.0 * (width / height)):.4g}",
         "png": base64.b64encode(png(map_picture(preview, reached))).decode("ascii"),
         "ways": [(points, style) for points, style in ways if points],
+        "zones": [path for zone in report.keep_out if (path := _outline(zone, preview))],
         "pins": _pins(report, _source(report), preview),
         "x_axis": _axis(west, east),
         "y_axis": [(100.0 - at, text) for at, text in _axis(south, north)],
@@ -164,6 +167,9 @@ def _caption(report: TraversabilityReport, preview: Preview, outlined: bool) -> 
     caption += f"North is up; a pixel is {numbers.length(preview.grid.resolution)}. "
     crs = f" in {preview.crs}" if preview.crs else ""
     caption += f"Along the sides stand x and y{crs}, m."
+    if report.keep_out:
+        names = join_words([quote(zone.name) for zone in report.keep_out])
+        caption += f" Dotted outlines: keep-out {names}."
     if outlined:
         caption += f" Blue is the rim of what can be reached from {_source(report)}."
     binding = ", ".join(f"{reason} {part}" for reason, part in tables.reasons(report).rows[:5])
@@ -208,6 +214,22 @@ def _points(route: Route, preview: Preview) -> str:
         if not points or point != points[-1]:
             points.append(point)
     return " ".join(points)
+
+
+def _outline(zone: Zone, preview: Preview) -> str:
+    """Outline of a zone as an SVG path, in thousandths of the picture's sides; empty outside."""
+    import shapely
+
+    shape = shapely.intersection(zone.shape, shapely.box(*preview.grid.bounds))
+    parts = []
+    for polygon in shapely.get_parts(shape).tolist():
+        if polygon.geom_type != "Polygon":
+            continue  # where it only touches the picture's side
+        for ring in (polygon.exterior, *polygon.interiors):
+            places = (_position(x, y, preview) for x, y in np.array(ring.coords)[:-1, :2].tolist())
+            points = [f"{1000.0 * right:.1f},{1000.0 * down:.1f}" for right, down in places]
+            parts.append(f"M{'L'.join(points)}Z")
+    return "".join(parts)
 
 
 def _pins(report: TraversabilityReport, source: str, preview: Preview) -> list[_Pin]:

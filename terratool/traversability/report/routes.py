@@ -11,6 +11,7 @@ import numpy as np
 from terratool._version import __version__
 from terratool.report.documents import json_text
 from terratool.report.numbers import exact
+from terratool.traversability.keep_out import Zone
 from terratool.traversability.results import (
     Barrier,
     Location,
@@ -37,6 +38,7 @@ def as_geojson(reports: Reports) -> str:
             {**feature, "properties": {**own, **feature["properties"]}}
             for feature in route_features(one.routes)
         ]
+    found += [_zone(zone) for zone in reports.reports[0].keep_out]
     head = {**reports.reports[0].geojson, "terratool": __version__}
     lines = ",\n".join(json_text(feature, None) for feature in found)
     return f'{json_text(head, None)[:-1]}, "features": [\n{lines}\n]}}\n'
@@ -56,6 +58,13 @@ def route_features(routes: Sequence[Route]) -> Iterator[Feature]:
             yield from _features(way, own)
         if route.back is not None:
             yield from _features(route.back, {"route": number, "back": True})
+
+
+def _zone(zone: Zone) -> Feature:
+    """Feature of a keep-out zone: its area, corridors as wide as they are."""
+    import shapely
+
+    return _feature(shapely.geometry.mapping(zone.shape), {"kind": "keep-out", "name": zone.name})
 
 
 def _features(route: Route, own: dict[str, Any]) -> Iterator[Feature]:

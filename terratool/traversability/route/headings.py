@@ -164,8 +164,8 @@ class WayFinder:
             few = headings == self.tiles.survey.headings
             self.progress.say(f"looking for ways{'' if few else f' with {headings} headings'}")
         if headings not in self._made:
-            grid, samples = self.tiles.survey.grid, self.tiles.samples
-            surveyor = Surveyor(self._terrain, self._vehicle, grid, headings, samples)
+            grid, own = self.tiles.survey.grid, (self.tiles.samples, self.tiles.zones)
+            surveyor = Surveyor(self._terrain, self._vehicle, grid, headings, *own)
             self._made[headings] = SurveyTiles(surveyor, threads=self._threads)
         self._made[headings].progress = self.progress
         return self._made[headings]
