@@ -62,6 +62,8 @@ void check_costs(const Costs& costs, IndexCheck check_index) {
     const Moves& moves = costs.moves;
     check_index(moves.headings() == costs.rate.layers(), "the number of moves");
     for (i64 n : moves.steps) check_index(0 <= n && n <= moves.passed.rows(), "a step");
+    check_index(!moves.bends() || moves.arcs.rows() == 2 * moves.headings(), "the number of arcs");
+    for (i64 n : moves.counts) check_index(0 < n && n <= moves.within.rows(), "cells of an arc");
     check_index(costs.tile > 0, "the side of tiles");
     check_index(costs.tile * costs.known.rows() >= costs.rate.rows(), "a row of tiles");
     check_index(costs.tile * costs.known.columns() >= costs.rate.columns(), "tiles");

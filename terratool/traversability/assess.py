@@ -29,7 +29,6 @@ from terratool.traversability.map_files import MapFiles, refuse_map
 from terratool.traversability.ranges import SAMPLES, Draws, draw, level_chances, soil_samples
 from terratool.traversability.results import (
     FINER_HEADINGS,
-    HEADINGS,
     RANKS,
     GroundClass,
     MapSummary,
@@ -43,7 +42,12 @@ from terratool.traversability.results import (
 from terratool.traversability.route.alternatives import MOST as MOST_ALTERNATIVES
 from terratool.traversability.route.barriers import BlockedPlace, RouteSite, blocked_place
 from terratool.traversability.route.graph import Preference, check_preference, drivable, turnable
-from terratool.traversability.route.headings import Progress, WayFinder, finer_headings
+from terratool.traversability.route.headings import (
+    Progress,
+    WayFinder,
+    finer_headings,
+    first_headings,
+)
 from terratool.traversability.route.paths import cell_of, check_inside
 from terratool.traversability.route.reach import begin_in_largest, connected_cells, heading_bits
 from terratool.traversability.route.routes import (
@@ -103,8 +107,8 @@ class Request:
         why: reason for that resolution, in words, for a note.
         keep_out: zones that nothing of the vehicle may enter.
         bounds: west, south, east, north of the part that counts, m; the whole terrain if None.
-        headings: number of headings at each place; HEADINGS if None, and more where these show no
-            way.
+        headings: number of headings at each place; `first_headings` if None, and more where these
+            show no way.
         mapped: whether the whole ground is to be judged; without routes, or with a start, it always
             is.
         threads: number of threads; as many as there are processors if None.
@@ -295,7 +299,7 @@ def chosen_resolution(terrain: Terrain, vehicle: Vehicle, request: Request, writ
 
 def _grids(terrain: Terrain, vehicle: Vehicle, request: Request, written: bool) -> _Grids:
     """Choose the grids of the map and of routes, with notes on the choice."""
-    routes, note = None, ""
+    routes, note, fewest = None, "", first_headings(vehicle)
     if not request.travels:
         grid, why = _map_grid(terrain, vehicle, request, written)
     elif request.resolution is None:
@@ -304,14 +308,14 @@ def _grids(terrain: Terrain, vehicle: Vehicle, request: Request, written: bool) 
     else:
         grid, why = _map_grid(terrain, vehicle, request, written)
         routes = grid
-        if grid.width * grid.height * (request.headings or HEADINGS) > MOST_STATES:
+        if grid.width * grid.height * (request.headings or fewest) > MOST_STATES:
             routes, note = _route_grid(terrain, vehicle, request)
             grid = grid if request.maps else routes
     size = pixels(grid.width, grid.height, grid.resolution)
     headings = request.headings or _fewest_headings(terrain, vehicle, request, grid)
     notes = [f"The map has {size} ({why}), each looked at with {headings} headings."]
-    if headings != (request.headings or HEADINGS):
-        notes.append(f"With {HEADINGS} the vehicle cannot stand at the place to start from.")
+    if headings != (request.headings or fewest):
+        notes.append(f"With {fewest} the vehicle cannot stand at the place to start from.")
     if not request.maps:
         notes = [f"Routes are looked for on {size}."]
     elif routes is not None and routes != grid:
@@ -334,17 +338,19 @@ def _grids(terrain: Terrain, vehicle: Vehicle, request: Request, written: bool) 
 
 
 def _fewest_headings(terrain: Terrain, vehicle: Vehicle, request: Request, grid: Grid) -> int:
-    """The fewest headings with which the vehicle can stand at the start; HEADINGS if none do."""
+    """The fewest headings with which the vehicle can stand at the start; as without, if none do."""
     start = request.start
     if start is None:
-        return HEADINGS
+        return first_headings(vehicle)
     row, column = cell_of(grid, *start)
-    for headings in (HEADINGS, *(finer_headings(grid) if request.travels else FINER_HEADINGS)):
+    fewest = first_headings(vehicle)
+    more = finer_headings(grid, fewest) if request.travels else FINER_HEADINGS
+    for headings in (fewest, *more):
         surveyor = Surveyor(terrain, vehicle, grid, headings, zones=request.keep_out)
         seen = survey_window(surveyor, Window(row, column, 1, 1))
         if can_stand(terrain, seen, start, (0, 0)):
             return headings
-    return HEADINGS
+    return fewest
 
 
 class BlockedEnd(NamedTuple):
@@ -413,8 +419,9 @@ def _blocked_place(
     bits = heading_bits(drivable(tiles.survey, part_of(window)))
     headings, at = tiles.survey.headings, part_of(window)
     turns = turnable(tiles.survey, turnings(terrain, prepared.vehicle), at)
-    begin = begin_in_largest(bits, headings, turns=turns)
-    part = connected_cells(bits, headings, begin, turns=turns).returned
+    radius = prepared.vehicle.turning_radius / tiles.survey.grid.resolution
+    begin = begin_in_largest(bits, headings, turns=turns, radius=radius)
+    part = connected_cells(bits, headings, begin, turns=turns, radius=radius).returned
     if not part.any():
         return why
     rows, columns = np.nonzero(part)
@@ -662,7 +669,10 @@ def verdict_of(summary: MapSummary | None, routes: Sequence[Route]) -> Verdict:
 def _route_grid(terrain: Terrain, vehicle: Vehicle, request: Request) -> tuple[Grid, str]:
     """The pixels for routes, and a note on their size."""
     return route_grid(
-        terrain, vehicle, headings=request.headings or HEADINGS, bounds=request.bounds
+        terrain,
+        vehicle,
+        headings=request.headings or first_headings(vehicle),
+        bounds=request.bounds,
     )
 
 

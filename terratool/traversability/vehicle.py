@@ -17,7 +17,7 @@ from terratool.report.wording import count_of
 from terratool.text.display import printable
 from terratool.text.source import read_source
 
-_PLAIN = ("mass", "clearance", "body_width", "steering", "speed", "power")
+_PLAIN = ("mass", "clearance", "body_width", "steering", "turning_radius", "speed", "power")
 """Keys of a vehicle's text that are attributes of `Vehicle` in the same units."""
 
 
@@ -185,6 +185,7 @@ class Vehicle:
         rear: overhang at the rear.
         steering: way of turning on the spot: "skid" slides the wheels sideways, "wheels" turns or
             swivels each into its path.
+        turning_radius: least radius of the way of its middle, m; 0 if it turns on the spot.
         speed: speed of the wheels' treads, m/s.
         power: power that is drawn whether the vehicle drives or not, W.
         margins: margins taken off its limits.
@@ -203,6 +204,7 @@ class Vehicle:
     front: Overhang = field(default_factory=Overhang)
     rear: Overhang = field(default_factory=Overhang)
     steering: str = STEERINGS[0]
+    turning_radius: float = 0.0
     speed: float = 1.0
     power: float = 0.0
     margins: Margins = field(default_factory=Margins)

@@ -170,6 +170,7 @@ class VehicleKeys(Struct, frozen=True):
     front: OverhangKeys
     rear: OverhangKeys
     steering: Annotated[str, one_of(STEERINGS)]
+    turning_radius_m: Metres
     speed_m_s: MetresPerSecond
     power_W: Watts
     margins: MarginKeys

@@ -132,6 +132,8 @@ def _step_limits(report: TraversabilityReport) -> str:
 
 def _turns(report: TraversabilityReport) -> str:
     """Sentence on the work of turning on the spot, by surface; empty if it takes none."""
+    if radius := report.vehicle.turning_radius:
+        return f"It does not turn on the spot: its turns have a radius of {numbers.length(radius)}."
     by_work: dict[str, list[str]] = {}
     for figures in report.surfaces:
         if figures.turning_work or figures.turning_binding != Reason.NONE:

@@ -284,7 +284,9 @@ def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
     yield "largest torque of a wheel", numbers.quantity(wheel.max_torque, "N m")
     yield "largest slip", numbers.share(wheel.max_slip)
     if not vehicle.is_single:
-        yield "steering", STEERING[vehicle.steering]
+        radius = vehicle.turning_radius
+        yield "steering", "as a car does" if radius else STEERING[vehicle.steering]
+        yield "turning radius", numbers.length(radius) if radius else ""
     if vehicle.is_single:
         yield "load", numbers.quantity(vehicle.weight, "N")
     else:

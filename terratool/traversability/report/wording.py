@@ -65,6 +65,8 @@ def turning_share(route: Route) -> str:
 
 def quarter_turn(figures: Figures) -> str:
     """Work of a quarter turn on the spot, or the measure that forbids it."""
+    if figures.turning_binding == Reason.TURNING:
+        return "never"
     if figures.turning_binding != Reason.NONE:
         return f"cannot, by {figures.turning_binding.label}"
     return numbers.energy(figures.turning_work)

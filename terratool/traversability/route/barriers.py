@@ -145,7 +145,9 @@ def _turning_ground(on: RouteSite, surface: int, place: Point) -> BarringGround:
     """The ground on which the vehicle cannot turn; its name has the measure that binds, too."""
     element = int(on.terrain.sample(*place).element)
     found = _ground_of(on.terrain, element, f"surface {quote(on.terrain.surfaces[surface - 1])}")
-    return found._replace(name=f"{found.name}, by {on.turns[surface].reason.label}")
+    reason = on.turns[surface].reason
+    by = "" if reason == Reason.TURNING else f", by {reason.label}"
+    return found._replace(name=f"{found.name}{by}")
 
 
 def _ground_of(terrain: Terrain, element: int, surface: str) -> BarringGround:

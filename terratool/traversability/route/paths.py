@@ -31,6 +31,7 @@ from terratool.traversability.results import (
     Verdict,
 )
 from terratool.traversability.route.graph import (
+    arc_of,
     cells_between,
     drivable,
     heading_offsets,
@@ -96,11 +97,14 @@ class DrivingCost:
     turning: float
 
 
-def graph_path(states: NDArray[np.int64], survey: Survey) -> Path:
+def graph_path(states: NDArray[np.int64], survey: Survey, radius: float = 0.0) -> Path:
     """The samples of states, (n, 3), in order, and of the cells that moves pass.
 
-    Where a move passes between two cells, a cell that cannot be driven is the sample, if any.
+    Where a move passes between two cells, a cell that cannot be driven is the sample, if any. Moves
+    that change the heading are arcs of the `radius`, in sides of a cell, or more.
     """
+    if radius:
+        return _bent_path(states, survey, radius)
     towards = heading_offsets(survey.headings)
 
     def is_drivable(heading: int, cell: tuple[int, int]) -> bool:
@@ -130,6 +134,49 @@ def graph_path(states: NDArray[np.int64], survey: Survey) -> Path:
     y = grid.bounds[3] - (exact[:, 0] + 0.5) * grid.resolution
     height = survey.heights[rows, columns].astype(np.float64)
     direction = headings * (360.0 / survey.headings)
+    return Path(x, y, height, rows, columns, headings, judgements, direction)
+
+
+def _bent_path(states: NDArray[np.int64], survey: Survey, radius: float) -> Path:
+    """The samples of states, (n, 3), between which lie straight moves and arcs of a radius."""
+    count, offsets = survey.headings, heading_offsets(survey.headings)
+    heading, row, column = states[0].tolist()
+    own = _move_directions(count)
+    parts = [np.array([[row, column, row, column, heading, heading, own[heading], 0.0]])]
+    for (heading, row, column), (to, to_row, to_column) in pairwise(states.tolist()):
+        move = np.array([to_row - row, to_column - column])
+        if to == heading:
+            back = tuple(move.tolist()) != offsets[heading]
+            shares = np.linspace(0.0, 1.0, int(np.abs(move).max()) + 1)[1:]
+            places = shares[:, None] * move
+            directions = np.full(len(shares), own[heading])
+        else:
+            arc = arc_of(offsets[heading], offsets[to], radius)
+            back = tuple(move.tolist()) != arc.offset
+            chosen = np.linspace(0, len(arc.places) - 1, math.ceil(arc.length) + 1)
+            at = np.round(chosen).astype(np.int64)[1:]
+            places, directions = arc.places[at] * (-1.0 if back else 1.0), arc.directions[at]
+            shares = at / (len(arc.places) - 1)
+        exact = places + np.array([row, column])
+        cells = np.round(exact).astype(np.int64)
+        options = np.empty((len(cells), 2, 3), np.int64)
+        options[:, :, 0] = (np.array([heading, to]) + count // 2 * back) % count
+        options[:, :, 1:] = cells[:, None]
+        judged = _worst_of(options, survey)[:, 0]
+        facing = np.where(np.arange(len(cells)) < len(cells) / 2, heading, to)
+        facing[-1] = to
+        parts.append(np.column_stack([exact, cells, facing, judged, directions, shares]))
+    samples = np.concatenate(parts)
+    exact, whole, (direction, share) = samples[:, :2], samples[:, 2:6], samples[:, 6:].T
+    rows, columns, headings, judgements = whole.astype(np.int64).T
+    # heights rise evenly from state to state
+    ended = np.r_[0, np.flatnonzero(share >= 1.0)]
+    known = survey.heights[rows[ended], columns[ended]].astype(np.float64)
+    moves = np.cumsum(share >= 1.0) + np.where(share < 1.0, share, 0.0)
+    height = np.interp(moves, np.arange(len(known)), known)
+    grid = survey.grid
+    x = grid.west + (exact[:, 1] + 0.5) * grid.resolution
+    y = grid.bounds[3] - (exact[:, 0] + 0.5) * grid.resolution
     return Path(x, y, height, rows, columns, headings, judgements, direction)
 
 

@@ -246,12 +246,15 @@ class RouteSearch:
         return self.found is not None and len(self.found.states) > 0 and self.stands[1]
 
     def _way(self, route: Route) -> Route:
-        """Complete a route by the way that was found, pulled straight.
+        """Complete a route by the way that was found, pulled straight unless it has arcs.
 
         It is one-way only if the chain of moves is, too.
         """
         assert self.found is not None and self.costs is not None
-        survey, chain = self.on.survey, graph_path(self.found.states, self.on.survey)
+        survey, radius = self.on.survey, self.on.vehicle.turning_radius
+        chain = graph_path(self.found.states, survey, radius / survey.grid.resolution)
+        if radius:
+            return _with_way(route, chain, self.on, not _leads_back(chain, self.on))
         for both in (False, True):
             corners = pulled(self.costs, self.found, both, self.near)
             path = pulled_path(corners, survey) if len(corners) > 1 else chain
@@ -278,7 +281,7 @@ class RouteSearch:
         if self.has_way:
             return self._way(route)
         nearest = _nearest_marked(on.terrain, on.survey, self.found.reached, ends[1])
-        between = barriers(on, _least_resistance(on, *ends))
+        between = barriers(on, _least_resistance(on, ends[0], ends[1]))
         # the goal's cell may be reachable although the goal itself has no ground
         bars = between or (_barrier_at(on, goal, ends[1]),)
         return _with_barriers(route, bars, nearest, note)
@@ -360,7 +363,8 @@ def reach(
     bits = heading_bits(drivable(seen))
     turns = None if vehicle is None else turnable(seen, turnings(terrain, vehicle))
     begin = begin_from(bits, terrain, seen.grid, start)
-    found = connected_cells(bits, seen.headings, begin, turns=turns)
+    radius = 0.0 if vehicle is None else vehicle.turning_radius / seen.grid.resolution
+    found = connected_cells(bits, seen.headings, begin, turns=turns, radius=radius)
     return reach_of(terrain, start, found, np.isfinite(seen.heights))
 
 
@@ -392,6 +396,7 @@ def _costs(on: RouteSite, prefer: Preference) -> tuple[Costs, Callable[[Any], No
     costs = Costs.of(
         np.zeros(survey.verdict.shape, np.float32), np.zeros(survey.verdict.shape, np.uint8),
         survey.heights, survey.grid.resolution, 0.0, least_rate(vehicle, prefer), on.tiles.side,
+        vehicle.turning_radius,
     )  # fmt: skip
 
     def fill(part: Any) -> None:
@@ -508,7 +513,9 @@ def _leads_back(path: Path, on: RouteSite) -> bool:
     bits = heading_bits(drivable(survey, part) & own)
     begin = begin_at(bits, (int(rows[-1]), int(columns[-1])))
     turns = turnable(survey, on.turns, part)
-    return bool(spread(bits, survey.headings, begin, turns=turns)[rows[0], columns[0]])
+    radius = on.vehicle.turning_radius / grid.resolution
+    back = spread(bits, survey.headings, begin, turns=turns, radius=radius)
+    return bool(back[rows[0], columns[0]])
 
 
 def _with_barriers(
@@ -520,20 +527,21 @@ def _with_barriers(
     return replace(route, verdict=verdict, barriers=found, reached=nearest, note=note)
 
 
-def _least_resistance(on: RouteSite, begin: Cell, end: Cell) -> Path:
+def _least_resistance(on: RouteSite, begin: Cell, end: Cell, bends: bool = True) -> Path:
     """The way with the fewest metres that cannot be driven, as seen from above; then the shortest.
 
-    The vehicle backs up only where it can be driven.
+    The vehicle backs up only where it can be driven. Without `bends` one that is car-like turns on
+    the spot, too, where it is barred.
     """
     survey, grid = on.survey, on.survey.grid
     west, south, east, north = on.terrain.bounds
     x, y = grid.columns(grid.whole), grid.rows(grid.whole)
     inside = ((y >= south) & (y <= north))[:, None] & ((x >= west) & (x <= east))
     inside[end] = True  # a goal at the very edge may be in a cell whose centre is beyond it
+    own, radius = turning_arc(survey, on.vehicle), on.vehicle.turning_radius if bends else 0.0
     costs = Costs.of(
         np.zeros(survey.verdict.shape, np.float32), np.zeros(survey.verdict.shape, np.uint8),
-        np.zeros(inside.shape, np.float32), grid.resolution, turning_arc(survey, on.vehicle), 1.0,
-        on.tiles.side,
+        np.zeros(inside.shape, np.float32), grid.resolution, own, 1.0, on.tiles.side, radius,
     )  # fmt: skip
 
     def fill(part: Any) -> None:
@@ -544,7 +552,10 @@ def _least_resistance(on: RouteSite, begin: Cell, end: Cell) -> Path:
         if (able := turnable(survey, on.turns, part)) is not None:
             costs.runs[part] *= np.where(able, 1.0, _BARRIER_WEIGHT)
 
-    return graph_path(_search_tiles(on, costs, fill, begin, end).states, survey)
+    states = _search_tiles(on, costs, fill, begin, end).states
+    if not len(states):  # there is no room at all for its arcs
+        return _least_resistance(on, begin, end, False)
+    return graph_path(states, survey, radius / grid.resolution)
 
 
 def _nearest_marked(
