@@ -35,7 +35,7 @@ ROVER = Vehicle(
     (
         Axle(0.3),
         Axle(0.0, driven=False, wheel=Wheel(0.11, 0.05, 8.0, 0.8, patch_pressure=95e3)),
-        Axle(-0.3, wheel=Wheel(0.125, 0.1, 5.0, 0.8, 0.02, 0.12, exit_ratio=0.4)),
+        Axle(-0.3, wheel=Wheel(0.125, 0.1, 5.0, 0.8, 0.02, 0.12)),
     ),
     25.0,
     3.71,

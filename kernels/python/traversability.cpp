@@ -97,12 +97,10 @@ public:
     Search search;
 };
 
-Drive drive(
-    const Layout& layout, In load, const Soils& soil, double pull, double slip, Out sinkage
-) {
+Drive drive(const Layout& layout, In load, const Soils& soil, double pull, Out sinkage) {
     auto wheels = wheels_on(layout, soil);
     for (std::size_t n = 0; n < load.size(); ++n) wheels[n].load = load[n];
-    Drive found = drive_wheels(wheels, pull, slip);
+    Drive found = drive_wheels(wheels, pull);
     for (std::size_t n = 0; n < load.size(); ++n) sinkage[n] = depth_of(wheels, i64(n));
     return found;
 }
@@ -113,9 +111,9 @@ void demands(In load, const Soils& soils, In pull, const Wheel& wheel, Span<Dema
         std::array<LoadedWheel, 1> one{{{true, -1, wheel, soils[n], 1.0}}};
         one[0].load = load[n];
         one[0].wheel.max_torque = INF;
-        Drive need = drive_wheels(one, pull[n], wheel.max_slip);
+        Drive need = drive_wheels(one, pull[n]);
         double torque = need.power > 0.0 ? need.torque : 0.0 - need.torque;  // a brake
-        out[n] = {torque, need.utilisation, need.slip, one[0].contact.sinkage};
+        out[n] = {torque, need.utilisation, need.slip, one[0].sinkage};
     }
 }
 
@@ -161,6 +159,8 @@ template <> struct Argument<Search> : KnownArgument<KeptSearch> {
 
 void bind_traversability(nb::module_ m) {
     visit_enumerators(Plane{}, [&](const char* name, Plane plane) { m.attr(name) = int(plane); });
+    m.attr("FULL_LUG") = FULL_LUG, m.attr("REACH") = REACH;
+    m.attr("RIM_FRICTION") = RIM_FRICTION, m.attr("GROWTH") = GROWTH;
     m.def(
         "check_records",
         [](nb::handle traction, nb::handle demand) {
@@ -195,12 +195,8 @@ void bind_traversability(nb::module_ m) {
     );
 
     def<&contacts>(
-        m, "contacts", "Sinkage, entry angle, effective area, shear length and area.",
+        m, "contacts", "Sinkage, entry angle, effective area and shear length.",
         {"load[n]", "sinkage[n]", "slip[n]", "wheel"}
-    );
-    def<&mobilisations>(
-        m, "mobilisations", "Share of strength mobilised.",
-        {"length[n]", "shear_modulus[n]", "slip[n]"}
     );
     def<&tractions>(
         m, "tractions", "What driven wheels can do at a slip.",
@@ -213,7 +209,16 @@ void bind_traversability(nb::module_ m) {
     def<&towing>(
         m, "towing", "Resistance of wheels without torque.", {"load[n]", "sinkage[n]", "wheel"}
     );
-    def<&grips>(m, "grips", "What holds wheels that do not turn.", {"load[n]", "soils", "wheel"});
+    def<&grips>(
+        m, "grips", "What holds wheels at a slip.", {"load[n]", "soils", "slip[n]", "wheel"}
+    );
+    def<&side_forces>(
+        m, "side_forces", "Forces sideways at a slip and a crab angle.",
+        {"load[n]", "soils", "slip[n]", "crab[n]", "wheel"}
+    );
+    def<&softnesses>(
+        m, "softnesses", "0 on rigid ground, 1 on soft soil.", {"load[n]", "sinkage[n]", "wheel"}
+    );
     def<&measured_forces>(
         m, "measured_forces", "Load, torque and drawbar pull.",
         {"normal[n]", "shear[n]", "entry[n]", "wheel"}
@@ -229,7 +234,7 @@ void bind_traversability(nb::module_ m) {
     );
     def<&drive>(
         m, "drive", "What it asks of a vehicle's wheels to push.",
-        {"layout", "load[w]", "soil", "pull", "slip", "sinkage[w]"}
+        {"layout", "load[w]", "soil", "pull", "sinkage[w]"}
     );
     def<&steepest>(
         m, "steepest", "The largest slope on a soil, and the reason that limits it.",

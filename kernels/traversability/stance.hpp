@@ -29,6 +29,7 @@ struct SlopeState {
     double sliding;  // share of the slope on which it slides
     double tipping;  // share of the slope on which it tips over
     double reserve;  // how much more it may lean until it tips over, rad
+    double crab;     // by how much it heads uphill of where it moves, rad; 0 where it is not known
 };
 
 // An angle that has a tangent.
@@ -43,7 +44,7 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
     SlopeState out;
     auto drive_on = [&](const Gravity& g) {
         load_wheels(wheels, v.layout, v.weight, g);
-        return drive_wheels(wheels, -v.weight * g.forward, v.slip);
+        return drive_wheels(wheels, -v.weight * g.forward);
     };
     auto held_on = [&](const Gravity& g) {
         load_wheels(wheels, v.layout, v.weight, g);
@@ -52,10 +53,12 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
     };
     Gravity g = gravity(along, across);
     double holding = held_on(g), towing = resistances(wheels);
-    out.drawbar = most_pull(wheels, v.slip) - towing + v.weight * g.forward;
-    Drive drive = drive_wheels(wheels, -v.weight * g.forward, v.slip);
+    double most = pulls(wheels, least_mobilised(wheels, v.slip), true).force;
+    out.drawbar = most - towing + v.weight * g.forward;
+    Drive drive = drive_wheels(wheels, -v.weight * g.forward);
     bool moves = drive.utilisation < 1.0 && drive.slip < 1.0 && drive.torque_used <= 1.0;
     out.energy = moves ? drive.power : INF;
+    out.crab = moves ? atan(crab_tangent(wheels, v.weight * abs(g.left))) : 0.0;
     out.deepest = 0.0, out.sunk = deepest_share(wheels);
     double tilt_along = along, tilt_across = across;
     for (i64 n = 0; n < count_of(wheels); ++n) {
@@ -64,12 +67,15 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
         tilt_along -= v.fit_along[n] * sinkage;
         tilt_across -= v.fit_across[n] * sinkage;
     }
-    double slope = hypot(along, across);
-    if (v.slope_margin > 0.0) {
+    double slope = hypot(along, across), soft = 0.0;
+    for (const LoadedWheel& f : wheels)
+        if (f.driven) soft = max(soft, f.contact.softness);
+    double margin = v.slope_margin + v.soil_margin * soft;
+    if (margin > 0.0) {
         // what it must be able to do is that on slopes steeper by so much
-        double steeper = atan(along) + v.slope_margin * (along >= 0.0 ? 1.0 : -1.0);
+        double steeper = atan(along) + margin * (along >= 0.0 ? 1.0 : -1.0);
         drive = drive_on(gravity(tan(below_upright(steeper)), across));
-        double steepest = tan(below_upright(atan(slope) + v.slope_margin));
+        double steepest = tan(below_upright(atan(slope) + margin));
         double east = slope > 0.0 ? along / slope : 0.0, north = slope > 0.0 ? across / slope : 1.0;
         holding = held_on(gravity(steepest * east, steepest * north));
         slope = steepest;
@@ -134,7 +140,7 @@ inline std::optional<SlopeState> interpolate(
     for (auto n :
          {&SlopeState::share, &SlopeState::torque, &SlopeState::slip, &SlopeState::energy,
           &SlopeState::drawbar, &SlopeState::deepest, &SlopeState::sunk, &SlopeState::sliding,
-          &SlopeState::tipping, &SlopeState::reserve})
+          &SlopeState::tipping, &SlopeState::reserve, &SlopeState::crab})
         out.*n = between(between(one.*n, two.*n, at.t), between(three.*n, four.*n, at.t), at.s);
     if (regime == STUCK) {
         out.energy = INF;
@@ -260,13 +266,14 @@ private:
 };
 
 // Planes of numbers that are found out with the verdicts.
-enum Plane { UTILISATION, PITCH, ROLL, SINKAGE, SLIP, ENERGY, DRAWBAR, RESERVE, PLANES };
-static_assert(PLANES == 8);  // as the shape of `numbers` says below
+enum Plane { UTILISATION, PITCH, ROLL, SINKAGE, SLIP, ENERGY, DRAWBAR, RESERVE, CRAB, PLANES };
+static_assert(PLANES == 9);  // as the shape of `numbers` says below
 
 template <class Visit> void visit_enumerators(Plane, Visit visit) {
     visit("UTILISATION", UTILISATION), visit("PITCH", PITCH), visit("ROLL", ROLL);
     visit("SINKAGE", SINKAGE), visit("SLIP", SLIP), visit("ENERGY", ENERGY);
-    visit("DRAWBAR", DRAWBAR), visit("RESERVE", RESERVE), visit("PLANES", PLANES);
+    visit("DRAWBAR", DRAWBAR), visit("RESERVE", RESERVE), visit("CRAB", CRAB);
+    visit("PLANES", PLANES);
 }
 
 // Surfaces, rows of the soils, as ground is.
@@ -303,7 +310,7 @@ struct Verdicts {
 
 template <class Visit> void visit_arguments(Verdicts& v, Visit visit) {
     visit("verdict[h,w]", v.verdict), visit("reason[h,w]", v.reason);
-    visit("onward[h,w]", v.onward), visit("numbers[8,h,w]", v.numbers);
+    visit("onward[h,w]", v.onward), visit("numbers[9,h,w]", v.numbers);
 }
 
 // What a vehicle's shape says at a reference point: `down` is as in `Gravity`, `limit` the highest
@@ -436,6 +443,7 @@ void judge_points(
                 judge_soils(v, need, judged);
                 number(SINKAGE) = float(need.deepest),
                 number(SLIP) = float(vague ? NaN : need.slip);
+                number(CRAB) = float(vague ? NaN : need.crab);
                 number(ENERGY) = float(need.energy), number(DRAWBAR) = float(need.drawbar);
             } else if (judged.verdict != Verdict::NO_GO) {
                 // whatever the soil is like, the rest can be driven

@@ -1,17 +1,40 @@
 // Wheel and soil: each formula of the two models, and then over arrays.
 //
-// A wheel enters the soil at the angle θ1 from the downward vertical and leaves it at θ2. Normal
-// stress σ and shear stress τ rise and fall linearly with their peaks in the middle, at θm
-// (Iagnemma, Shibly and Dubowsky, "On-line terrain parameter estimation for planetary rovers", ICRA
-// 2002). Their sums act at θm, across and along the wheel's rim.
+// A wheel of radius r and width b with lugs h high bears the load W and slips by s. On soil with
+// the cohesion c, the friction angle φ, the shear modulus K and a sinkage at rest z0 it has, in the
+// model `slip`, one closed form both ways:
 //
-// The model `paper` is that of Shipovalov and Pryanichnikov 2016, 3.6: z = k W, θ2 = 0, and all of
-// Coulomb's strength acts, whatever the slip. In the model `slip` the wheel leaves the soil behind
-// its axle, θ2 = −a θ1; it sinks in further as it slips, z = k W (1 + s)/(1 − s/2) (Lyasko, "Slip
-// sinkage effect in soil–vehicle mechanics", Journal of Terramechanics 47, 2010); and slip
-// mobilises strength along the shear length l, A = 1 − (1 − exp(−x))/x with x = s l/K (Janosi and
-// Hanamoto 1961, for a flat patch as in Wong, Theory of Ground Vehicles). l belongs to the wheel:
-// it does not depend on the sinkage, so that harder ground never holds a wheel less.
+//   cos θ0 = 1 − z0/r                        contact at rest, from −θ0 to θ0: both halves bear
+//   f = 1 − exp(−θ0/SOFT)                    0 on rigid ground, 1 on soft soil
+//   θm = AHEAD θ0                            where forces act
+//   μ = tan φ − f max(0, tan φ − cap)        friction that the wheel can mobilise
+//   C = W cbl/(W + Nc cbl), cbl = c b l      cohesion: no pressure exceeds c Nc
+//   A = x/(x + 2), x = s X + (1 − s) x0      share of the strength that acts, X = max(REACH, l)/K
+//   x0 = (1 − sin θ0/θ0) min(X, STEADY)      the shear of rolling without slip
+//   S = A (C + N μ)                          along the rim
+//   W = N cos θm + S sin θm, DP = S cos θm − N sin θm, T = S r
+//   cos θ1 = 1 − z/r, θ1 = θ0 + f s √(GROWTH² + acos(r/(r + h))²)      sinkage z as it slips
+//
+// Nc is Prandtl's bearing capacity factor (1920), so cohesion has a contact of W/(c Nc). A is
+// Kondner's hyperbola ("Hyperbolic stress-strain response", 1963), its first slope that of Janosi
+// and Hanamoto's mean over a patch (1961). x0 is the shear of j = r (θ − (1 − s) sin θ) (Wong and
+// Reece 1967) over the arc. Similar wheels slip alike in granular matter (Slonaker et al., "General
+// scaling relations for locomotion in granular media", Physical Review E 95, 2017), so K grows with
+// the sheared length, and that of the books belongs to one of about REACH. A bare rim slides on
+// soil (Potyondy, "Skin friction between various soils and construction materials", Géotechnique
+// 11, 1961); lugs shear soil on soil, far enough for its critical state (Bolton, "The strength and
+// dilatancy of sands", Géotechnique 36, 1986). θm is half of Bekker's entry angle (1969) at n = 1,
+// so that a towed wheel resists by 4/3 of his compaction, as linear stresses make it. Where K is
+// not known A = 1. docs/validation.md compares the rule with wheels that were measured, and says
+// which of these sources could be opened; tests/validation fits its constants.
+//
+// l, the length that a wheel shears, does not depend on its sinkage, so that harder ground never
+// holds a wheel less.
+//
+// The model `paper` is that of Shipovalov and Pryanichnikov 2016, 3.6: z = k W, the wheel touches
+// the soil from its entry angle θ1 to 0, normal stress and shear stress rise and fall linearly with
+// their peaks at θ1/2 (Iagnemma, Shibly and Dubowsky, "On-line terrain parameter estimation for
+// planetary rovers", ICRA 2002), and all of Coulomb's strength acts, whatever the slip.
 //
 // In the model `slip` a wheel that runs where others ran sinks in by what it adds to their rut: of
 // n passes that is z_1 n^(1/a) deep, z_1 that of the deepest on fresh ground (Abebe, Tanaka and
@@ -35,11 +58,22 @@ using std::hypot;
 using std::sin;
 using std::tan;
 
+// Constants of the model `slip`: the first three are fitted to measured wheels.
+constexpr double REACH = 0.59;          // m, sheared length to which K of the books belongs
+constexpr double RIM_FRICTION = 0.46;   // the most that a bare rim mobilises on soft soil
+constexpr double GROWTH = 0.305;        // rad by which a bare rim digs itself in, for a slip of 1
+constexpr double SOIL_FRICTION = 0.75;  // the most that lugs mobilise: soil in its critical state
+constexpr double AHEAD = 0.6299605249474366;  // θm/θ0, 2^(1/3)/2
+constexpr double SOFT = 0.1;                  // rad
+constexpr double FULL_LUG = 0.005;            // m, lugs of this height hold as soil on soil
+constexpr double STEADY = 16.0;               // keeps the rule monotone in K
+
 struct Wheel {
     double radius, width;
     double shear_length = 0.0;    // l of a wheel without load, m
     double patch_pressure = INF;  // Pa: that of a tyre on hard ground, which makes l longer
-    double exit_ratio = 0.0;      // a = −θ2/θ1
+    double grouser_height = 0.0;  // h, of lugs over the rim, m
+    double tread = 0.0;           // height of what grips the soil, m: lugs, or the tread of a tyre
     double max_torque = INF, max_slip = 1.0;
     bool slips = true;  // the model `slip`; else `paper`
 };
@@ -47,7 +81,7 @@ struct Wheel {
 template <class Visit> void visit_arguments(Wheel& w, Visit visit) {
     visit("radius", w.radius), visit("width", w.width);
     visit("shear_length", w.shear_length), visit("patch_pressure", w.patch_pressure);
-    visit("exit_ratio", w.exit_ratio);
+    visit("grouser_height", w.grouser_height), visit("tread", w.tread);
     visit("max_torque", w.max_torque), visit("max_slip", w.max_slip), visit("slips", w.slips);
 }
 
@@ -74,25 +108,61 @@ struct Pressed {
 
 // Where a wheel touches the soil, and what all formulas take from it.
 struct Contact {
-    double sinkage;       // z
-    double entry;         // θ1
+    double rest;          // z0, m
+    double entry;         // θ0, in the model `paper` θ1
+    double digging;       // what θ1 grows by for a slip of 1, rad
     double sine, cosine;  // of θm
-    double area;          // Q: W = Q (σm cos θm + τm sin θm) and DP = Q (τm cos θm − σm sin θm)
+    double area;          // Q, m²: peaks of the stresses are forces by this
     double arm;           // torque for each newton along the rim, m
-    double length;        // of what is sheared, m
-    double shear_area;    // on which cohesion acts, m²
+    double length;        // l, of what is sheared, m
+    double friction;      // μ
+    double cohesion;      // c, Pa
+    double shear_area;    // on which cohesion acts, m²: C = c times it
+    double grip;          // what holds a wheel that does not turn, N
+    double reach, still;  // X and x0; X is 0 where all strength acts whatever the slip
+    double softness;      // f, 0 in the model `paper`
+    double drag = 0.0;    // a further force backwards, N
+
+    // z as the wheel slips.
+    double sinkage(double slip, double radius) const {
+        if (digging == 0.0 || slip == 0.0) return rest;
+        double angle = min(entry + digging * min(slip, 1.0), 0.5 * PI);
+        return max(rest, 2.0 * radius * square(sin(0.5 * angle)));
+    }
+
+    // A, the share of the strength that a slip mobilises.
+    double share(double slip) const {
+        if (reach == 0.0) return 1.0;
+        return mobilised(max(slip * reach + (1.0 - slip) * still, 0.0));
+    }
+
+    // The slip that mobilises a share; infinity from a share of 1 on.
+    double slip_for(double share) const {
+        if (reach == 0.0) return 0.0;
+        if (share >= 1.0) return INF;
+        return max(0.0, (2.0 * share / (1.0 - share) - still) / (reach - still));
+    }
+
+    static double mobilised(double x) { return x < INF ? x / (x + 2.0) : 1.0; }
 };
 
-// The contact of a wheel that enters the soil at `entry` and leaves it at −`exit_ratio` · `entry`.
-INLINE Contact contact_at(double entry, double exit_ratio, const Wheel& wheel, double sinkage) {
-    double peak = 0.5 * (1.0 - exit_ratio) * entry, half = 0.5 * (1.0 + exit_ratio) * entry;
-    // (1 − cos w)/w, and w²/(2 (1 − cos w)), as they are for small w
-    double quarter = sin(0.5 * half);
-    double area = half > 0.0 ? 4.0 * wheel.radius * wheel.width * square(quarter) / half : 0.0;
-    double arm = half > 0.0 ? wheel.radius * square(0.5 * half / quarter) : wheel.radius;
-    double sine = sin(peak);
-    return {sinkage, entry, sine, sqrt(1.0 - sine * sine), area, arm, 0.0, area};
+// The angle from the downward vertical at which a wheel meets the ground that it sinks into.
+INLINE double entry_angle(double sinkage, const Wheel& wheel) {
+    return 2.0 * asin(sqrt(min(sinkage / (2.0 * wheel.radius), 0.5)));
 }
+
+// Stresses that rise and fall linearly over the angle 2 w of a rim: the area Q by which their peaks
+// make forces, and the arm of their torque.
+struct Arc {
+    double area, arm;
+
+    Arc(double half, const Wheel& wheel) {
+        double quarter =
+            sin(0.5 * half);  // (1 − cos w)/w, and w²/(2 (1 − cos w)), for small w, too
+        area = half > 0.0 ? 4.0 * wheel.radius * wheel.width * square(quarter) / half : 0.0;
+        arm = half > 0.0 ? wheel.radius * square(0.5 * half / quarter) : wheel.radius;
+    }
+};
 
 // l, the length along which a wheel shears the ground; no patch is longer than the wheel.
 INLINE double shear_length(double load, const Wheel& wheel) {
@@ -100,50 +170,56 @@ INLINE double shear_length(double load, const Wheel& wheel) {
     return max(wheel.shear_length, min(patch, 2.0 * wheel.radius));
 }
 
-// The contact of a wheel that sinks in by `rest` under a load, at a slip.
-INLINE Contact contact_sunk(double rest, double load, const Wheel& wheel, double slip) {
-    slip = wheel.slips ? min(slip, 1.0) : 0.0;
-    double sinkage = rest * (1.0 + slip) / (1.0 - 0.5 * slip);
-    double depth = min(sinkage / (2.0 * wheel.radius), 0.5);
-    double entry = 2.0 * asin(sqrt(depth));
-    Contact at = contact_at(entry, wheel.slips ? wheel.exit_ratio : 0.0, wheel, sinkage);
-    if (wheel.slips) at.length = shear_length(load, wheel), at.shear_area = wheel.width * at.length;
-    else at.length = wheel.radius * sin(entry);
+// Nc, Prandtl's bearing capacity factor of cohesion: (exp(π μ) tan²(π/4 + φ/2) − 1)/μ, μ = tan φ.
+INLINE double bearing_factor(double friction) {
+    return friction > 0.0 ? expm1(PI * friction + 2.0 * asinh(friction)) / friction : PI + 2.0;
+}
+
+// The contact of a wheel whose stresses rise and fall linearly from the angle `entry` to 0.
+INLINE Contact contact_ahead(double entry, double sinkage, const Wheel& wheel) {
+    double sine = sin(0.5 * entry);
+    Arc arc(0.5 * entry, wheel);
+    return {sinkage, entry, 0.0, sine, sqrt(1.0 - sine * sine), arc.area, arc.arm};
+}
+
+// The contact in the model `paper`.
+INLINE Contact paper_contact(double rest, double load, const Wheel& wheel, const Soil& soil) {
+    Contact at = contact_ahead(entry_angle(rest, wheel), rest, wheel);
+    at.length = wheel.radius * sin(at.entry);
+    at.friction = soil.tan_friction, at.cohesion = soil.cohesion, at.shear_area = at.area;
+    at.grip =
+        load == 0.0 ? 0.0 : soil.cohesion * wheel.width * at.length + load * soil.tan_friction;
+    return at;
+}
+
+// The contact of a wheel that sinks in by `rest` under a load.
+INLINE Contact contact_sunk(double rest, double load, const Wheel& wheel, const Soil& soil) {
+    if (!wheel.slips) return paper_contact(rest, load, wheel, soil);
+    double entry = entry_angle(rest, wheel), sine = sin(AHEAD * entry);
+    double soft = -expm1(-entry / SOFT);
+    Contact at{rest, entry};
+    at.digging = soft * hypot(GROWTH, acos(wheel.radius / (wheel.radius + wheel.grouser_height)));
+    at.sine = sine, at.cosine = sqrt(1.0 - sine * sine);
+    at.area = Arc(entry, wheel).area, at.arm = wheel.radius;
+    at.length = shear_length(load, wheel);
+    double cap = RIM_FRICTION + (SOIL_FRICTION - RIM_FRICTION) * min(1.0, wheel.tread / FULL_LUG);
+    at.friction = soil.tan_friction - soft * max(0.0, soil.tan_friction - cap);
+    double sheared = wheel.width * at.length, borne = bearing_factor(at.friction) * soil.cohesion;
+    at.cohesion = soil.cohesion;
+    at.shear_area = borne < INF && load > 0.0 ? load * sheared / (load + borne * sheared) : 0.0;
+    at.grip = at.cohesion * at.shear_area + load * at.friction;
+    if (soil.shear_modulus > 0.0) {
+        at.reach = max(REACH, at.length) / soil.shear_modulus;
+        double turned = entry > 1e-4 ? 1.0 - sin(entry) / entry : entry * entry / 6.0;
+        at.still = turned * min(at.reach, STEADY);
+    }
+    at.softness = soft;
     return at;
 }
 
 // The contact of a wheel on fresh ground.
-INLINE Contact contact_under(double load, double rate, const Wheel& wheel, double slip = 0.0) {
-    return contact_sunk(rate * load, load, wheel, slip);
-}
-
-// A = 1 − (1 − exp(−x))/x, the share of the strength that a slip mobilises, x = s l/K; 1 where K is
-// not known.
-INLINE double mobilised(double length, double modulus, double slip) {
-    if (modulus == 0.0) return 1.0;
-    double x = max(slip, 0.0) * length / modulus;
-    if (x < 1e-4) return x * (0.5 - x / 6.0);
-    return x < INF ? 1.0 + expm1(-x) / x : 1.0;
-}
-
-// x that mobilises a share A of the strength; infinity from 1 on.
-INLINE double displacement_for(double share) {
-    if (share <= 0.0) return 0.0;
-    if (share >= 1.0) return INF;
-    if (share < 1e-4) return 2.0 * share * (1.0 + share * (2.0 / 3.0));
-    double x = share * (2.0 - share) / (1.0 - share);  // right at both ends
-    for (int n = 0; n < 5; ++n) {                      // Newton
-        double fall = expm1(-x);
-        double slope = (-fall - x * (1.0 + fall)) / (x * x);
-        x = max(x - (1.0 + fall / x - share) / slope, 0.5 * x);
-    }
-    return x;
-}
-
-// Slip s at a displacement x; above 1 where no slip does. 0 where K is not known.
-INLINE double slip_at(double displacement, double length, double modulus) {
-    if (modulus == 0.0 || displacement == 0.0) return 0.0;
-    return length > 0.0 ? displacement * modulus / length : INF;
+INLINE Contact contact_under(double load, const Soil& soil, const Wheel& wheel) {
+    return contact_sunk(soil.sinkage * load, load, wheel, soil);
 }
 
 struct Stresses {
@@ -165,8 +241,8 @@ struct RimForces {
 
 // The forces where a share of the strength acts, and the load is borne.
 // Where cohesion alone would bear more than the load, no more of it acts than that.
-INLINE RimForces forces_at(double load, const Contact& at, const Soil& soil, double share) {
-    double held = share * soil.cohesion * at.shear_area, rough = share * soil.tan_friction;
+INLINE RimForces forces_at(double load, const Contact& at, double share) {
+    double held = share * at.cohesion * at.shear_area, rough = share * at.friction;
     double across = load - held * at.sine;
     if (across <= 0.0) return {0.0, at.sine > 0.0 ? load / at.sine : held};
     across /= at.cosine + rough * at.sine;
@@ -179,8 +255,8 @@ INLINE RimForces forces_under(double load, double torque, const Contact& at) {
     return {(load - along * at.sine) / at.cosine, along};
 }
 
-// What a wheel without torque resists: R = W tan θm, N.
-INLINE double towed(double load, const Contact& at) { return load * at.sine / at.cosine; }
+// What a wheel without torque resists: R = W tan θm and what else drags, N.
+INLINE double towed(double load, const Contact& at) { return load * at.sine / at.cosine + at.drag; }
 
 // A driven wheel at its limit.
 struct Traction {
@@ -199,18 +275,19 @@ template <class Visit> void visit_members(Traction& t, Visit visit) {
     visit("torque", t.torque), visit("sinkage", t.sinkage), visit("motor", t.motor);
 }
 
-// A driven wheel at its limit, of a share of the soil's strength or of its motor.
+// A driven wheel at its limit, of a share of the soil's strength or of its motor; `sinkage` is that
+// of the slip.
 INLINE Traction
-traction(double load, const Contact& at, const Soil& soil, double share, double max_torque) {
-    if (load == 0.0) return {share, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, at.sinkage, false};
-    RimForces rim = forces_at(load, at, soil, share);
+traction(double load, const Contact& at, double share, double max_torque, double sinkage) {
+    if (load == 0.0) return {share, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, sinkage, false};
+    RimForces rim = forces_at(load, at, share);
     double torque = rim.along * at.arm;
     bool motor = max_torque < torque;
     if (motor) rim = forces_under(load, torque = max_torque, at);
     Stresses stress = rim.stresses(at);
-    double thrust = rim.thrust(at), resistance = rim.resistance(at);
+    double thrust = rim.thrust(at), resistance = rim.resistance(at) + at.drag;
     return {share,  stress.normal, stress.shear, thrust, resistance, thrust - resistance,
-            torque, at.sinkage,    motor};
+            torque, sinkage,       motor};
 }
 
 // What a wheel asks of motor and soil.
@@ -227,24 +304,31 @@ template <class Visit> void visit_members(Demand& d, Visit visit) {
 
 // What a wheel that does not slip asks to push with `pull`, or to be held back by it if that is
 // below 0. U is infinity where no strength would do.
-INLINE Demand hold(double load, const Contact& at, const Soil& soil, double pull) {
+INLINE Demand hold(double load, const Contact& at, double pull) {
+    pull += at.drag;
     double along = pull * at.cosine + load * at.sine, across = load * at.cosine - pull * at.sine;
-    double strength = soil.cohesion * at.shear_area + across * soil.tan_friction;
+    double strength = at.cohesion * at.shear_area + across * at.friction;
     if (load == 0.0) strength = 0.0;
     bool none = across < 0.0 || strength <= 0.0;
-    return {
-        along * at.arm,
-        along == 0.0 ? 0.0
-            : none   ? INF
-                     : abs(along) / strength,
-        0.0, at.sinkage
-    };
+    return {along * at.arm, along == 0.0 ? 0.0 : none ? INF : abs(along) / strength, 0.0, at.rest};
 }
 
-// What holds a wheel that does not turn: c b l + W tan φ, N.
-INLINE double grip(double load, const Contact& at, const Soil& soil, const Wheel& wheel) {
-    if (load == 0.0) return 0.0;
-    return soil.cohesion * wheel.width * at.length + load * soil.tan_friction;
+struct SideForce {
+    double force;   // N
+    double growth;  // of it with the tangent of the crab angle
+};
+
+// The force sideways of a wheel that heads away from where it moves by the crab angle β, `tangent`:
+// all that holds it acts against the sliding, s along and (1 − s) tan β across.
+INLINE SideForce side_force(const Contact& at, double slip, double tangent) {
+    double along = clamp(slip, 0.0, 1.0), across = (1.0 - along) * tangent;
+    double sliding = hypot(along, across), yielding = at.reach * sliding + 2.0;
+    if (at.reach == 0.0) return {sliding > 0.0 ? at.grip * across / sliding : 0.0, 0.0};
+    double turned = sliding > 0.0 ? square(along) / sliding : 0.0;
+    return {
+        at.grip * at.reach * across / yielding,
+        (1.0 - along) * at.grip * at.reach * (2.0 + at.reach * turned) / square(yielding)
+    };
 }
 
 // The formulas over arrays.
@@ -272,18 +356,12 @@ template <class One> auto each(std::size_t count, One one) {
     return out;
 }
 
-// Sinkage, θ1, Q, l and the area that is sheared.
-inline Rows<double, 5> contacts(In load, In rate, In slip, const Wheel& wheel) {
+// Sinkage, θ1, Q and l.
+inline Rows<double, 4> contacts(In load, In rate, In slip, const Wheel& wheel) {
     return each(load.size(), [&](std::size_t n) {
-        Contact at = contact_under(load[n], rate[n], wheel, slip[n]);
-        return std::array{at.sinkage, at.entry, at.area, at.length, at.shear_area};
-    });
-}
-
-// Share of the strength that is mobilised along a length.
-inline std::vector<double> mobilisations(In length, In modulus, In slip) {
-    return each(length.size(), [&](std::size_t n) {
-        return mobilised(length[n], modulus[n], slip[n]);
+        Contact at = contact_under(load[n], {0.0, 0.0, rate[n], 0.0}, wheel);
+        double sinkage = at.sinkage(slip[n], wheel.radius);
+        return std::array{sinkage, entry_angle(sinkage, wheel), at.area, at.length};
     });
 }
 
@@ -292,32 +370,48 @@ inline void tractions(
     In load, const Soils& soils, In slip, In max_torque, const Wheel& wheel, Span<Traction> out
 ) {
     for (std::size_t n = 0; n < load.size(); ++n) {
-        Soil soil = soils[n];
-        Contact at = contact_under(load[n], soil.sinkage, wheel, slip[n]);
-        double modulus = wheel.slips ? soil.shear_modulus : 0.0;
-        out[n] = traction(load[n], at, soil, mobilised(at.length, modulus, slip[n]), max_torque[n]);
+        Contact at = contact_under(load[n], soils[n], wheel);
+        double sinkage = at.sinkage(slip[n], wheel.radius);
+        out[n] = traction(load[n], at, at.share(slip[n]), max_torque[n], sinkage);
     }
 }
 
 // Resistance of wheels without torque.
 inline std::vector<double> towing(In load, In rate, const Wheel& wheel) {
     return each(load.size(), [&](std::size_t n) {
-        return towed(load[n], contact_under(load[n], rate[n], wheel));
+        return towed(load[n], contact_under(load[n], {0.0, 0.0, rate[n], 0.0}, wheel));
     });
 }
 
-// What holds wheels that do not turn.
-inline std::vector<double> grips(In load, const Soils& soils, const Wheel& wheel) {
+// What holds wheels at a slip, along and across together: A (C + W μ).
+inline std::vector<double> grips(In load, const Soils& soils, In slip, const Wheel& wheel) {
     return each(load.size(), [&](std::size_t n) {
-        Soil soil = soils[n];
-        return grip(load[n], contact_under(load[n], soil.sinkage, wheel), soil, wheel);
+        Contact at = contact_under(load[n], soils[n], wheel);
+        return at.share(slip[n]) * at.grip;
+    });
+}
+
+// Forces sideways at a slip and a crab angle.
+inline std::vector<double> side_forces(
+    In load, const Soils& soils, In slip, In crab, const Wheel& wheel
+) {
+    return each(load.size(), [&](std::size_t n) {
+        Contact at = contact_under(load[n], soils[n], wheel);
+        return side_force(at, slip[n], tan(crab[n])).force;
+    });
+}
+
+// f, 0 on rigid ground and 1 on soft soil.
+inline std::vector<double> softnesses(In load, In rate, const Wheel& wheel) {
+    return each(load.size(), [&](std::size_t n) {
+        return contact_under(load[n], {0.0, 0.0, rate[n], 0.0}, wheel).softness;
     });
 }
 
 // Load, torque and drawbar pull of measured stresses, where a wheel enters the soil at `entry`.
 inline Rows<double, 3> measured_forces(In normal, In shear, In entry, const Wheel& wheel) {
     return each(entry.size(), [&](std::size_t n) {
-        Contact at = contact_at(entry[n], wheel.slips ? wheel.exit_ratio : 0.0, wheel, 0.0);
+        Contact at = contact_ahead(entry[n], 0.0, wheel);
         RimForces rim{normal[n] * at.area, shear[n] * at.area};
         return std::array{
             rim.across * at.cosine + rim.along * at.sine, rim.along * at.arm,
@@ -329,7 +423,7 @@ inline Rows<double, 3> measured_forces(In normal, In shear, In entry, const Whee
 // Normal and shear stress of measured loads and torques.
 inline Rows<double, 2> measured_stresses(In load, In torque, In entry, const Wheel& wheel) {
     return each(entry.size(), [&](std::size_t n) {
-        Contact at = contact_at(entry[n], wheel.slips ? wheel.exit_ratio : 0.0, wheel, 0.0);
+        Contact at = contact_ahead(entry[n], 0.0, wheel);
         Stresses found = forces_under(load[n], torque[n], at).stresses(at);
         return std::array{found.normal, found.shear};
     });

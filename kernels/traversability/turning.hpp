@@ -33,10 +33,10 @@ template <class Visit> void visit_members(Turn& t, Visit visit) {
 // A wheel of a vehicle that turns at 1 rad/s: speeds are m/s, and m for each radian.
 struct TurningWheel {
     double x, y;      // ahead of the centre of gravity, and beside the middle, m
-    double strength;  // S = c b l + W tan φ, N
+    double strength;  // S = C + W μ, N
     double rolling;   // R, N
     double most;      // that its motor lets it push with, N; 0 where it does not push
-    double length, modulus, arm;
+    double reach, arm;
 
     struct Forces {
         double along, across, slipping;  // N, and by how much its tread is faster than the ground
@@ -48,7 +48,8 @@ struct TurningWheel {
         if (most == 0.0) slipping = 0.0;
         double sliding = hypot(slipping, skidding), tread = y + slipping;
         if (sliding == 0.0) return {0.0, 0.0, slipping};
-        double share = tread > 0.0 ? mobilised(length, modulus, sliding / tread) : 1.0;
+        double share =
+            tread > 0.0 && reach > 0.0 ? Contact::mobilised(reach * sliding / tread) : 1.0;
         double each = strength * share / sliding;
         return {each * slipping, each * skidding, slipping};
     }
@@ -158,11 +159,10 @@ inline Turn turn_on_spot(
             return TurningWheel{
                 x[n],
                 beside,
-                grip(f.load, f.contact, f.soil, f.wheel),
+                f.contact.grip,
                 towed(f.load, f.contact),
                 f.driven && beside > 0.0 ? most : 0.0,
-                f.contact.length,
-                f.modulus(),
+                f.contact.reach,
                 f.contact.arm
             };
         }));

@@ -9,21 +9,27 @@ namespace terratool::traversability {
 
 // Wheels, member by member.
 struct Wheels {
-    In radius, width, shear_length, patch_pressure, exit_ratio, max_torque;
+    In radius, width, shear_length, patch_pressure, grouser_height, tread, max_torque;
     bool slips;
 
     Wheel operator[](std::size_t n) const {
-        return {
-            radius[n], width[n], shear_length[n], patch_pressure[n], exit_ratio[n], max_torque[n],
-            1.0,       slips
-        };
+        return {radius[n],
+                width[n],
+                shear_length[n],
+                patch_pressure[n],
+                grouser_height[n],
+                tread[n],
+                max_torque[n],
+                1.0,
+                slips};
     }
 };
 
 template <class Visit> void visit_arguments(Wheels& w, Visit visit) {
     visit("radius[w]", w.radius), visit("width[w]", w.width);
     visit("shear_length[w]", w.shear_length), visit("patch_pressure[w]", w.patch_pressure);
-    visit("exit_ratio[w]", w.exit_ratio), visit("max_torque[w]", w.max_torque);
+    visit("grouser_height[w]", w.grouser_height), visit("tread[w]", w.tread);
+    visit("max_torque[w]", w.max_torque);
     visit("slips", w.slips);
 }
 
@@ -46,7 +52,7 @@ template <class Visit> void visit_arguments(Layout& l, Visit visit) {
 struct Vehicle {
     Layout layout;
     In fit_along, fit_across;
-    double weight, slip, slope_margin, clearance, front, rear, roughness;
+    double weight, slip, slope_margin, soil_margin, clearance, front, rear, roughness;
     double go_traction, go_slip, go_torque, go_geometry;
     Matrix<const double> factors;  // of k, by soil and wheel; none where all are 1
 };
@@ -55,7 +61,8 @@ template <class Visit> void visit_arguments(Vehicle& v, Visit visit) {
     visit("layout", v.layout);
     visit("fit_along[w]", v.fit_along), visit("fit_across[w]", v.fit_across);
     visit("weight", v.weight), visit("slip", v.slip);
-    visit("slope_margin", v.slope_margin), visit("clearance", v.clearance);
+    visit("slope_margin", v.slope_margin), visit("soil_margin", v.soil_margin);
+    visit("clearance", v.clearance);
     visit("front", v.front), visit("rear", v.rear), visit("roughness", v.roughness);
     visit("go_traction", v.go_traction), visit("go_slip", v.go_slip);
     visit("go_torque", v.go_torque), visit("go_geometry", v.go_geometry);
@@ -110,14 +117,14 @@ struct LoadedWheel {
     double found = 0.0;  // depth of the rut that it finds, m
     double rest = 0.0;   // how far it sinks in there without slip, m
     double slip = 0.0;
-    Contact contact{};  // at the slip
+    double sinkage = 0.0;  // as it slips, m
+    Contact contact{};
 
-    double modulus() const { return wheel.slips ? soil.shear_modulus : 0.0; }
     // How deep it stands under the ground as it was before the vehicle came.
-    double below() const { return found - ground.depth() + contact.sinkage; }
+    double below() const { return found - ground.depth() + sinkage; }
     void slip_at(double amount) {
         slip = amount;
-        contact = contact_sunk(rest, load, wheel, slip);
+        sinkage = contact.sinkage(slip, wheel.radius);
     }
 };
 
@@ -181,6 +188,7 @@ inline void sink_wheel(LoadedWheels wheels, LoadedWheel& f) {
         follow(follow, f.ahead);
         f.rest = min(press(f.rest), f.rest);
     }
+    f.contact = contact_sunk(f.rest, f.load, f.wheel, f.soil);
     f.slip_at(0.0);
 }
 
@@ -207,7 +215,7 @@ inline double deepest_share(LoadedWheels wheels) {
 // What holds the wheels at rest, N.
 inline double held(LoadedWheels wheels) {
     double total = 0.0;
-    for (const LoadedWheel& f : wheels) total += grip(f.load, f.contact, f.soil, f.wheel);
+    for (const LoadedWheel& f : wheels) total += f.contact.grip;
     return total;
 }
 
@@ -226,31 +234,31 @@ struct Pull {
     bool motor;    // whether a motor limits it
 };
 
-// Drawbar pull where each driven wheel uses a share of its soil's strength, and slips for that.
-// A wheel that would slip by more than 1 sinks in as at 1.
+// Drawbar pull where each driven wheel uses a share of its soil's strength.
 inline Pull pulls(LoadedWheels wheels, double share, bool motors) {
     Pull total{0.0, false};
-    bool slips = false;
-    for (const LoadedWheel& f : wheels) slips = slips || f.modulus() > 0.0;
-    double displacement = slips ? displacement_for(share) : 0.0;
-    for (LoadedWheel& f : wheels) {
+    for (const LoadedWheel& f : wheels) {
         if (!f.driven) continue;
-        double slip = slip_at(displacement, f.contact.length, f.modulus());
-        if (slip != f.slip) f.slip_at(slip);
         double most = motors ? f.wheel.max_torque : INF;
-        Traction found = traction(f.load, f.contact, f.soil, share, most);
+        Traction found = traction(f.load, f.contact, share, most, f.sinkage);
         total.force += found.drawbar;
         total.motor = total.motor || found.motor;
     }
     return total;
 }
 
+// Let each driven wheel slip as much as a share of its soil's strength takes. One that would slip
+// by more than 1 sinks in as at 1.
+inline void slip_for(LoadedWheels wheels, double share) {
+    for (LoadedWheel& f : wheels)
+        if (f.driven) f.slip_at(f.contact.slip_for(share));
+}
+
 // The share of strength that a slip mobilises under all driven wheels.
 inline double least_mobilised(LoadedWheels wheels, double slip) {
     double least = 1.0;
     for (const LoadedWheel& f : wheels)
-        if (f.driven && f.load > 0.0)
-            least = min(least, mobilised(f.contact.length, f.modulus(), slip));
+        if (f.driven && f.load > 0.0) least = min(least, f.contact.share(slip));
     return least;
 }
 
@@ -262,93 +270,20 @@ inline double resistances(LoadedWheels wheels) {
     return total;
 }
 
-// Pull may fall where a wheel digs itself in, so the most of it is looked for at some slips up to
-// the one that is not to be exceeded, and then between these.
-constexpr int NODES = 6;
-
-// A slip next to the largest, over it: a force that grows from there on has its one peak at the
-// end.
-constexpr double NEARLY_LAST = 63.0 / 64.0;
-
-struct BestSlip {
-    double slip, force;
-};
-
-// The slip at which a force is largest; beyond `enough` no more is looked for.
-// It rises to one peak at most (golden section: each of the steps takes off 0.38 of what is left).
-template <class ForceAt>
-BestSlip best_slip(ForceAt force_at, double max_slip, double enough = INF, int steps = 24) {
-    constexpr double golden = 0.6180339887498949;
-    BestSlip best{0.0, -INF};
-    int at = 0;
-    for (int n = 1; n <= NODES; ++n) {
-        double slip = max_slip * n / NODES, force = force_at(slip);
-        if (force == best.force && force > -INF) return best;  // nothing depends on it
-        if (force > best.force) best = {slip, force}, at = n;
-        if (best.force > enough) return best;
-        if (at < n - 1) break;
-    }
-    if (at == NODES && force_at(max_slip * NEARLY_LAST) <= best.force) return best;
-    double low = max_slip * max(at - 1, 0) / NODES, high = max_slip * min(at + 1, NODES) / NODES;
-    double left = high - golden * (high - low), right = low + golden * (high - low);
-    double on_left = force_at(left), on_right = force_at(right);
-    for (int n = 0; n < steps; ++n) {
-        bool to_left = on_left >= on_right;
-        BestSlip better = to_left ? BestSlip{left, on_left} : BestSlip{right, on_right};
-        if (better.force > best.force) best = better;
-        if (best.force > enough) return best;
-        if (to_left) {
-            high = right, right = left, on_right = on_left;
-            left = high - golden * (high - low), on_left = force_at(left);
-        } else {
-            low = left, left = right, on_left = on_right;
-            right = low + golden * (high - low), on_right = force_at(right);
-        }
-    }
-    return best;
-}
-
-// As best_slip, where most forces grow to the end: if it grows there, or is `enough` there, nothing
-// else is looked at.
-template <class ForceAt>
-BestSlip best_or_last(ForceAt force_at, double max_slip, double enough = INF, int steps = 24) {
-    BestSlip last{max_slip, force_at(max_slip)};
-    if (last.force >= enough) return last;
-    bool grows = last.force > -INF && last.force >= force_at(max_slip * NEARLY_LAST);
-    return grows ? last : best_slip(force_at, max_slip, enough, steps);
-}
-
-// The most that driven wheels pull at slips up to the largest, N; motors limit them.
-inline double most_pull(LoadedWheels wheels, double max_slip) {
-    auto force_at = [&](double slip) {
-        double force = pulls(wheels, least_mobilised(wheels, slip), true).force;
-        return deepest_share(wheels) < 1.0 ? force : -INF;
-    };
-    constexpr int few = 6;  // a peak is flat
-    double most = best_or_last(force_at, max_slip, INF, few).force;
-    return most > -INF ? most : pulls(wheels, least_mobilised(wheels, max_slip), true).force;
-}
-
-// The least share of strength at which all driven wheels together push with `pull`; or infinity.
-inline double common_share(LoadedWheels wheels, double pull, double max_slip, bool motors) {
-    constexpr double enough = 1e-8;  // relative accuracy of the root
-    constexpr int steps = 100, doublings = 12;
+// The least share of strength at which all driven wheels together push with `pull`, beyond 1 where
+// no more of it would do; or infinity. Pull grows with the share, so there is one root.
+inline double common_share(LoadedWheels wheels, double pull, bool motors) {
+    // relative accuracy of the root; figures of the model `paper` stay as they are to the last bit
+    const double enough = wheels[0].wheel.slips ? 1e-13 : 1e-8;
+    constexpr int steps = 100, doublings = 11;
     auto lacking = [&](double share) { return pull - pulls(wheels, share, motors).force; };
-    double low = 0.0, high = 0.0, under = lacking(low), over = under;
+    double low = 0.0, high = 1.0, under = lacking(low);
     if (under <= 0.0) return 0.0;
-    // before the peak there is one root; where a wheel sinks in to its axle the model ends
-    auto force_at = [&](double slip) {
-        double force = -lacking(least_mobilised(wheels, slip));
-        return deepest_share(wheels) < 1.0 ? force : -INF;
-    };
-    BestSlip best = best_or_last(force_at, max_slip, 0.0);
-    double share = least_mobilised(wheels, best.slip);
-    if (best.force >= 0.0) high = share, over = -best.force;
-    else low = share, under = lacking(share);
+    double over = lacking(high);
+    if (over <= 0.0 && deepest_share(wheels) >= 1.0) return 1.0;  // there the model ends
     for (int n = 0; n < doublings && over > 0.0; ++n) {
-        high = n == 0 ? 1.0 : 2.0 * high;
-        over = lacking(high);
-        if (over > 0.0) low = high, under = over;
+        low = high, under = over;
+        high *= 2.0, over = lacking(high);
     }
     if (over > 0.0) return INF;
     int side = 0;
@@ -408,7 +343,7 @@ inline Drive brake(LoadedWheels wheels, double total) {
         if (f.driven) borne += f.load;
     for (const LoadedWheel& f : wheels) {
         if (!(f.driven && borne > 0.0)) continue;
-        Demand need = hold(f.load, f.contact, f.soil, total * f.load / borne);
+        Demand need = hold(f.load, f.contact, total * f.load / borne);
         drive.utilisation = max(drive.utilisation, need.utilisation);
         add_torque(drive, f, need.torque);
     }
@@ -420,27 +355,24 @@ inline Drive brake(LoadedWheels wheels, double total) {
 // The driven wheels share it so that each uses the same share U of its soil's strength; a wheel at
 // its motor's limit leaves the rest to the others. Below what the wheels resist by themselves they
 // are held back. Afterwards the wheels stand as they do then.
-inline Drive drive_wheels(LoadedWheels wheels, double pull, double max_slip) {
+inline Drive drive_wheels(LoadedWheels wheels, double pull) {
     sink_wheels(wheels);
     double total = pull + resistances(wheels);
     if (total < pulls(wheels, 0.0, false).force) return brake(wheels, total);
     bool motors = false;
-    double share = common_share(wheels, total, max_slip, motors);
+    double share = common_share(wheels, total, motors);
     for (bool helped = false;; helped = true) {
         double acting = min(share, 1.0);
         Drive drive{share};
-        pulls(wheels, share, motors);
+        slip_for(wheels, share);
         for (const LoadedWheel& f : wheels) {
             if (!f.driven) continue;
             double most = motors ? f.wheel.max_torque : INF;
-            add_torque(drive, f, traction(f.load, f.contact, f.soil, acting, most).torque);
+            add_torque(drive, f, traction(f.load, f.contact, acting, most, f.sinkage).torque);
         }
         if (drive.torque_used <= 1.0 || helped || share >= 1.0) return drive;
-        double more = common_share(wheels, total, max_slip, true);
-        if (more >= 1.0) {
-            pulls(wheels, share, motors);
-            return drive;
-        }
+        double more = common_share(wheels, total, true);
+        if (more >= 1.0) return drive;
         share = more, motors = true;
     }
 }
@@ -452,27 +384,54 @@ struct Reserve {
     Reason limit;
 };
 
-// What its wheels can push beyond what a slope asks for, and what limits them: at the slip up to
-// the largest at which they push most.
+// What its wheels can push beyond what a slope asks for at a slip, and what limits them.
 inline Reserve climb_reserve(
-    LoadedWheels wheels, const Layout& layout, double weight, double angle, double max_slip
+    LoadedWheels wheels, const Layout& layout, double weight, double angle, double slip
 ) {
     Gravity g = gravity(tan(angle), 0.0);
     if (load_wheels(wheels, layout, weight, g)) return {-INF, Reason::TIP_OVER};
     sink_wheels(wheels);
     if (deepest_share(wheels) >= 1.0) return {-INF, Reason::SINKAGE};
-    double towing = resistances(wheels) - weight * g.forward;
-    bool motor = false, sunk = false;
-    auto force_at = [&](double slip) {
-        Pull pushed = pulls(wheels, least_mobilised(wheels, slip), true);
-        motor = pushed.motor, sunk = deepest_share(wheels) >= 1.0;
-        return sunk ? -INF : pushed.force - towing;
-    };
-    BestSlip best = best_slip(force_at, max_slip, 0.0);
-    if (best.force == -INF) return {-INF, Reason::SINKAGE};
-    force_at(best.slip);
-    bool slips = best.slip >= max_slip && least_mobilised(wheels, max_slip) < 1.0;
-    return {best.force, motor ? Reason::TORQUE : slips ? Reason::SLIP : Reason::TRACTION};
+    double share = least_mobilised(wheels, slip), need = resistances(wheels) - weight * g.forward;
+    Pull most = pulls(wheels, share, true);
+    Reason limit = most.motor ? Reason::TORQUE : share < 1.0 ? Reason::SLIP : Reason::TRACTION;
+    double reserve = most.force - need;
+    if (reserve <= 0.0) return {reserve, limit};
+    // a wheel that could push so much may dig itself in with less
+    slip_for(wheels, share);
+    if (deepest_share(wheels) >= 1.0) {
+        slip_for(wheels, common_share(wheels, need, true));
+        if (deepest_share(wheels) >= 1.0) return {-INF, Reason::SINKAGE};
+    }
+    return {reserve, limit};
+}
+
+// The tangent of the angle β by which a vehicle heads uphill of where it moves, its crab angle: its
+// wheels slide sideways until they hold `across`, N. Infinity where they do not hold it; 0 where K
+// is not known. All wheels move in one direction, each with its own slip.
+inline double crab_tangent(LoadedWheels wheels, double across) {
+    constexpr double enough = 1e-9;
+    constexpr int steps = 50;
+    double held = 0.0;
+    for (const LoadedWheel& f : wheels) {
+        if (f.contact.grip > 0.0 && f.contact.reach == 0.0) return 0.0;
+        held += f.contact.grip;
+    }
+    if (across <= 0.0) return 0.0;
+    if (held <= across) return INF;
+    double tangent = 0.0;
+    for (int n = 0; n < steps; ++n) {  // Newton: what holds grows less and less, so from below
+        SideForce total{-across, 0.0};
+        for (const LoadedWheel& f : wheels) {
+            SideForce found = side_force(f.contact, f.slip, tangent);
+            total.force += found.force, total.growth += found.growth;
+        }
+        if (!(total.growth > 0.0)) return INF;
+        double step = -total.force / total.growth;
+        tangent += step;
+        if (step <= enough * tangent) break;
+    }
+    return tangent;
 }
 
 // What holds its wheels beyond what pulls them down a slope, and what limits them.

@@ -47,7 +47,6 @@ class WheelText(Struct, frozen=True, rename="camel", kw_only=True):
     tyre_pressure: float | UnsetType = UNSET
     carcass_stiffness: float | UnsetType = UNSET
     contact_length: float | UnsetType = UNSET
-    exit_angle_ratio: float | UnsetType = UNSET
     max_torque: float | UnsetType = UNSET
 
     @property
@@ -221,12 +220,6 @@ _WHEEL = {
     "contactLength": reserve("a length", "metres").describe(
         "Length of the flat patch on which it stands on hard ground, at least, m.", 0.12,
         default=0,
-    ),
-    "exitAngleRatio": Key(
-        "a ratio, from 0 to below 1", "number", 0, 1, open_high=True,
-   ).describe(
-        "Exit angle as a share of the entry angle, both from the lowest point of the wheel: "
-        "−θ2/θ1.", 0.4, default=0.45,
     ),
     "maxTorque": measure("a torque", "N m", 1e9).describe(
         "Largest torque at each driven wheel, behind the gear, N m. Without it, the soil "

@@ -21,7 +21,17 @@ DRAWBAR: int = 6
 
 RESERVE: int = 7
 
-PLANES: int = 8
+CRAB: int = 8
+
+PLANES: int = 9
+
+FULL_LUG: float = 0.005
+
+REACH: float = 0.59
+
+RIM_FRICTION: float = 0.46
+
+GROWTH: float = 0.305
 
 def check_records(traction: np.dtype[Any], demand: np.dtype[Any]) -> None:
     """Refuse dtypes that are not the structs of the kernels."""
@@ -50,18 +60,9 @@ def contacts(
     load: NDArray[np.float64], sinkage: NDArray[np.float64], slip: NDArray[np.float64], wheel: Any
 ) -> NDArray[np.float64]:
     """
-    Sinkage, entry angle, effective area, shear length and area.
+    Sinkage, entry angle, effective area and shear length.
 
     Shapes: load[n], sinkage[n], slip[n].
-    """
-
-def mobilisations(
-    length: NDArray[np.float64], shear_modulus: NDArray[np.float64], slip: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """
-    Share of strength mobilised.
-
-    Shapes: length[n], shear_modulus[n], slip[n].
     """
 
 def tractions(
@@ -100,11 +101,35 @@ def towing(
     Shapes: load[n], sinkage[n].
     """
 
-def grips(load: NDArray[np.float64], soils: Any, wheel: Any) -> NDArray[np.float64]:
+def grips(
+    load: NDArray[np.float64], soils: Any, slip: NDArray[np.float64], wheel: Any
+) -> NDArray[np.float64]:
     """
-    What holds wheels that do not turn.
+    What holds wheels at a slip.
 
-    Shapes: load[n].
+    Shapes: load[n], slip[n].
+    """
+
+def side_forces(
+    load: NDArray[np.float64],
+    soils: Any,
+    slip: NDArray[np.float64],
+    crab: NDArray[np.float64],
+    wheel: Any,
+) -> NDArray[np.float64]:
+    """
+    Forces sideways at a slip and a crab angle.
+
+    Shapes: load[n], slip[n], crab[n].
+    """
+
+def softnesses(
+    load: NDArray[np.float64], sinkage: NDArray[np.float64], wheel: Any
+) -> NDArray[np.float64]:
+    """
+    0 on rigid ground, 1 on soft soil.
+
+    Shapes: load[n], sinkage[n].
     """
 
 def measured_forces(
@@ -129,12 +154,7 @@ def wheel_loads(layout: Any, weight: float, pitch: float, roll: float) -> NDArra
     """Loads of a vehicle's wheels on a slope."""
 
 def drive(
-    layout: Any,
-    load: NDArray[np.float64],
-    soil: Any,
-    pull: float,
-    slip: float,
-    sinkage: NDArray[np.float64],
+    layout: Any, load: NDArray[np.float64], soil: Any, pull: float, sinkage: NDArray[np.float64]
 ) -> dict[str, Any]:
     """
     What it asks of a vehicle's wheels to push.

@@ -26,7 +26,8 @@ class WheelArrays(NamedTuple):
         width: width b, m.
         shear_length: length along which a wheel shears the ground under no load, m.
         patch_pressure: mean pressure on hard ground, Pa; infinity for a rigid rim.
-        exit_ratio: ratio −θ2/θ1 of exit and entry angle.
+        grouser_height: height h of lugs, m.
+        tread: height of what grips the soil, m.
         max_torque: largest torque of the motor, N m; infinity where it is not limited.
         slips: whether slip counts, for all wheels.
     """
@@ -35,19 +36,17 @@ class WheelArrays(NamedTuple):
     width: NDArray[np.float64]
     shear_length: NDArray[np.float64]
     patch_pressure: NDArray[np.float64]
-    exit_ratio: NDArray[np.float64]
+    grouser_height: NDArray[np.float64]
+    tread: NDArray[np.float64]
     max_torque: NDArray[np.float64]
     slips: bool
 
     @classmethod
     def of(cls, wheels: Sequence[Wheel]) -> WheelArrays:
         """Gather the attributes of wheels, in their order."""
-        rows = [
-            (w.radius, w.width, w.shear_length, w.patch_pressure, w.exit_ratio, w.max_torque)
-            for w in wheels
-        ]
-        radius, width, length, pressure, ratio, torque = np.array(rows, np.float64).T.copy()
-        return cls(radius, width, length, pressure, ratio, torque, wheels[0].slips)
+        members = [name for name in cls._fields if name != "slips"]
+        table = np.array([[getattr(w, name) for w in wheels] for name in members], np.float64)
+        return cls(**dict(zip(members, table, strict=True)), slips=wheels[0].slips)
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,8 +221,8 @@ def climb(vehicle: Vehicle, soil: Soil, max_slip: float | None = None) -> Steepe
     """The steepest slope that a vehicle climbs straight up: the root of Σ DP − Σ R = m g sin α.
 
     Loads are those of the slope. Each driven wheel pushes with the same share of the soil's
-    strength: all of it where K is not known, else the share that a slip mobilises in the wheel that
-    mobilises least, for the best of some slips up to `max_slip` (the wheel's own if None). A motor
+    strength: all of it where K is not known, else the share that the slip `max_slip` (the wheel's
+    own if None) mobilises in the wheel that mobilises least. A motor
     at its limit pushes less. Each towed wheel resists. A wheel that lifts, or sinks in to its axle,
     ends the search. Margins are not taken off.
     """
@@ -231,11 +230,10 @@ def climb(vehicle: Vehicle, soil: Soil, max_slip: float | None = None) -> Steepe
 
 
 def side_slip(vehicle: Vehicle, soil: Soil) -> SteepestSlope:
-    """The steepest slope across which a vehicle does not slip: Σ (c b l + W tan φ) = m g sin β.
+    """The steepest slope across which a vehicle does not slip: Σ (C + W μ) = m g sin β.
 
-    l is the shear length (r sin θ1 in the model `paper`), from the loads on the slope; with equal
-    loads that is N c b l + m g cos β tan φ = m g sin β. Derived here; wheels are taken to hold
-    across as they do along.
+    C and μ are those of the loads on the slope (c b r sin θ1 and tan φ in the model `paper`).
+    Derived here; wheels are taken to hold across as they do along.
     """
     return _steepest(vehicle, soil, True, 1.0)
 
@@ -329,7 +327,7 @@ def slope_demand(vehicle: Vehicle, soil: Soil, slope: float = 0.0) -> SlopeDeman
     layout = wheel_layout(vehicle)
     loads = kernels.wheel_loads(layout, vehicle.weight, slope, 0.0)
     sinkage, push = np.empty_like(loads), vehicle.weight * math.sin(slope)
-    need = kernels.drive(layout, loads, under_wheels(soil), push, slip_limit(vehicle), sinkage)
+    need = kernels.drive(layout, loads, under_wheels(soil), push, sinkage)
     return SlopeDemand(
         need["torque"], need["torque_used"], need["utilisation"], need["slip"],
         float(sinkage.max()), float(np.max(sinkage / layout.wheels.radius)),

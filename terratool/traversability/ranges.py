@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -14,7 +15,12 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.traversability.limits import climb, judge_level, level_demand, slip_limit, tip_over
 from terratool.traversability.results import Chances, Verdict
-from terratool.traversability.soil import largest_slope, soil_under
+from terratool.traversability.soil import (
+    largest_slope,
+    slope_margin,
+    soil_under,
+    step_friction,
+)
 from terratool.traversability.steps import step_of
 from terratool.traversability.survey import SoilSamples, soil_table
 from terratool.traversability.vehicle import Soil, Vehicle
@@ -127,19 +133,21 @@ def soil_samples(terrain: Terrain, vehicle: Vehicle, draws: Draws) -> SoilSample
         found = [soil for soil in sampled_soils(name, draws, vehicle) if soil is not None]
         if not found:
             continue
-        friction = np.array([math.tan(soil.friction) for soil in found])
         members = np.array(
-            [(soil.cohesion, 0.0, soil.sinkage, soil.shear_modulus, 0.0) for soil in found]
+            [
+                (one.cohesion, math.tan(one.friction), one.sinkage, one.shear_modulus, 0.0)
+                for one in found
+            ]
         )
-        members[:, 1], members[:, 4] = friction, _steps(vehicle, friction)
+        members[:, 4] = _steps(vehicle, [step_friction(vehicle, one) for one in found])
         for table, values in zip(tables, members.T, strict=True):
             table[:, id_] = values
     return SoilSamples(*tables)
 
 
-def _steps(vehicle: Vehicle, friction: NDArray[np.float64]) -> NDArray[np.float64]:
+def _steps(vehicle: Vehicle, friction: Sequence[float]) -> NDArray[np.float64]:
     """Highest steps by coefficient of friction, m: computed at `_STEPS`, else interpolated."""
-    low, high = float(friction.min()), float(friction.max())
+    low, high = min(friction), max(friction)
     known = np.linspace(low, high, _STEPS) if low < high else np.array([low])
     return np.interp(friction, known, [step_of(vehicle, one).height for one in known.tolist()])
 
@@ -156,7 +164,11 @@ def level_chances(name: str, draws: Draws, vehicle: Vehicle) -> Chances | None:
         return None
     verdicts = [judge_level(vehicle, level_demand(vehicle, soil)).verdict for soil in soils]
     slip, (_, backwards, _) = slip_limit(vehicle), tip_over(vehicle)
-    climbs = [largest_slope(climb(vehicle, soil, slip), backwards, vehicle)[0] for soil in soils]
+    tips = backwards - vehicle.margins.tip
+    climbs = [
+        largest_slope(climb(vehicle, soil, slip), slope_margin(vehicle, soil), tips)[0]
+        for soil in soils
+    ]
     ranked = sorted(climbs, key=lambda angle: -1.0 if angle is None else angle)
     beyond = math.floor(_TAIL * len(ranked))
     return Chances(

@@ -22,7 +22,7 @@ from terratool.traversability.limits import (
     wheel_layout,
 )
 from terratool.traversability.results import HEADINGS, MOST_HEADINGS, Reason, Verdict
-from terratool.traversability.soil import soils
+from terratool.traversability.soil import soils, step_friction
 from terratool.traversability.stance import (
     FootprintRectangle,
     GroundPainter,
@@ -70,6 +70,7 @@ class VehicleParams(NamedTuple):
         weight: weight, N.
         slip: smallest slip that is no-go.
         slope_margin: margin of slopes, rad.
+        soil_margin: further margin of slopes on soft soil, rad.
         clearance, front, rear: room for ground and sinkage under the body and its overhangs, m.
         roughness: largest roughness, m.
         go_traction, go_slip, go_torque, go_geometry: largest shares of limits that are go.
@@ -82,6 +83,7 @@ class VehicleParams(NamedTuple):
     weight: float
     slip: float
     slope_margin: float
+    soil_margin: float
     clearance: float
     front: float
     rear: float
@@ -103,7 +105,7 @@ def vehicle_params(vehicle: Vehicle, factors: NDArray[np.float64] | None = None)
         layout=replace(wheels, edges=tip_edges(vehicle, wheels)),
         fit_along=ahead / lengths if lengths > 0.0 else np.zeros_like(ahead),
         fit_across=wheels.y / widths if widths > 0.0 else np.zeros_like(ahead),
-        weight=vehicle.weight, slip=slip, slope_margin=margins.slope,
+        weight=vehicle.weight, slip=slip, slope_margin=margins.slope, soil_margin=margins.soil,
         clearance=vehicle.clearance - margins.clearance,
         front=vehicle.front.height - margins.clearance,
         rear=vehicle.rear.height - margins.clearance,
@@ -133,8 +135,8 @@ def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[SoilArrays, NDArray[
         if soil is None:
             rows.append((math.nan, math.nan, 0.0, 0.0, step_of(vehicle, _ANY).height))
         else:
+            step = step_of(vehicle, step_friction(vehicle, soil)).height
             friction = math.tan(soil.friction)
-            step = step_of(vehicle, friction).height
             rows.append((soil.cohesion, friction, soil.sinkage, soil.shear_modulus, step))
     *members, steps = np.array(rows, np.float64).T.copy()
     return SoilArrays(*members), steps

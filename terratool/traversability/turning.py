@@ -47,8 +47,8 @@ def turn_on_spot(vehicle: Vehicle, soil: Soil) -> Turning:
     """Turn a vehicle on the spot, on level ground of one soil.
 
     A vehicle that skids: the treads of its left and right wheels run against each other at one
-    speed. The grip of a wheel, S = c b l + W tan φ, acts against the direction in which its contact
-    slides, and its share A is mobilised by the sliding x = (sliding/tread speed) l/K. With
+    speed. The grip of a wheel, S = C + W μ, acts against the direction in which its contact
+    slides, and its share A is mobilised by the sliding x = (sliding/tread speed) X. With
     a push F and a force H sideways, F² + H² = (A S)²: one circle of friction. The slip of the
     treads is the least with which Σ F y = Σ H |x − c| + Σ R y, c the place where Σ H is in balance.
     A motor that is too weak lets its wheel push less. On rigid ground with two axles and equal

@@ -13,6 +13,7 @@ from terratool.definition.keys import default_of, document_kind
 from terratool.definition.reader import CheckOptions, check, refusal
 from terratool.definition.vehicle import STEERINGS, AxleText, ClassesText, VehicleText, WheelsText
 from terratool.errors import DefinitionError
+from terratool.kernels import traversability as kernels
 from terratool.report.wording import count_of
 from terratool.text.display import printable
 from terratool.text.source import read_source
@@ -51,9 +52,7 @@ MODELS = ("slip", "paper")
 """Models of wheel and soil; kernels/traversability/terramechanics.hpp explains them."""
 FLAT = 0.4
 """Least shear length of a wheel, in radii: the flat of a rim that gives by 2 % of its radius. An
-assumption; docs/validation.md compares other values."""
-EXIT_RATIO: float = default_of(WheelsText, "exitAngleRatio")
-"""Default of −θ2/θ1, between the published 0 and 0.95; docs/validation.md compares others."""
+assumption; docs/validation.md says what it is worth."""
 LUGS = 0.1
 """Default height of a lugged wheel's lugs, in radii: 25 mm on 0.25 m, as on the wheel of NASA's
 MGRU3."""
@@ -74,7 +73,7 @@ class Wheel:
         contact_length: least length of its flat patch on hard ground, m; 0 where it is not known.
         patch_pressure: mean pressure on hard ground, Pa: a tyre's pressure and that of its carcass;
             infinity for a rigid rim, or where it is not known.
-        exit_ratio: exit angle as a share of the entry angle, a of θ2 = −a θ1; from 0 to below 1.
+        tyre: whether it is a tyre, whose tread grips the soil as lugs do.
         slips: whether slip counts: the model `slip`, else `paper`.
     """
 
@@ -85,7 +84,7 @@ class Wheel:
     grouser_height: float = 0.0
     contact_length: float = 0.0
     patch_pressure: float = math.inf
-    exit_ratio: float = EXIT_RATIO
+    tyre: bool = False
     slips: bool = True
 
     @property
@@ -97,6 +96,11 @@ class Wheel:
         """
         chord = 2.0 * math.sqrt(self.grouser_height * (2.0 * self.radius + self.grouser_height))
         return max(self.contact_length, chord, FLAT * self.radius)
+
+    @property
+    def tread(self) -> float:
+        """Height of what grips the soil, m: of the lugs, or of a tyre's tread, 0 for a bare rim."""
+        return max(self.grouser_height, kernels.FULL_LUG) if self.tyre else self.grouser_height
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,12 +142,15 @@ class Margins:
         step: margin of a step's height, m.
         tip: margin of the tip-over angle, rad.
         slope: margin of the climb and of the cross-slope, rad.
+        soil: further margin of the climb and of the cross-slope on soft soil, rad, less on firmer
+            ground; 0 unless the error of the model is to count.
     """
 
     clearance: float = 0.0
     step: float = 0.0
     tip: float = 0.0
     slope: float = 0.0
+    soil: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -363,7 +370,7 @@ def wheel_of(text: WheelsText) -> Wheel:
         grouser_height=given.get("grouser_height", lugs),
         contact_length=given.get("contact_length", 0.0),
         patch_pressure=pressure,
-        exit_ratio=given.get("exit_angle_ratio", EXIT_RATIO),
+        tyre=text.known_kind == "tyre",
     )
 
 

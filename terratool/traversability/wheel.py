@@ -20,8 +20,9 @@ LARGEST = 1e30
 """Largest size, load or figure of a soil; 1/LARGEST is the smallest size or mass."""
 STEEP_FRICTION = math.radians(50.0)
 """Friction angle above which a soil is unusual, rad."""
-_SLIPS = 64
-"""Number of slips among which the best is searched, in each of two rounds."""
+ERROR_BAND = math.radians(5.0)
+"""Error of the slope that a wheel climbs on soft soil, rad, in the model `slip`: no measured wheel
+that was left out of its fit has a larger RMS error; docs/validation.md."""
 DEEP = 0.15
 """Largest z/D for which the model is accurate."""
 
@@ -86,11 +87,10 @@ class Contact:
         sinkage: sinkage z, m.
         entry_angle: angle θ1 at which the wheel enters the soil, rad, from the downward vertical.
         effective_area: Q, area on which the mean stresses act, m².
-        length: r sin θ1, length of the contact ahead of the axle, m.
+        length: length of the contact, m: 2 r sin θ0 at rest, and in the model `paper` r sin θ1.
         area: length times b, m²; 0 on rigid ground.
         pressure: mean pressure W/area, Pa; 0 where there is no area.
         shear_length: l, length along which the ground is sheared, m.
-        shear_area: area on which cohesion acts, m².
     """
 
     sinkage: Numbers
@@ -100,7 +100,6 @@ class Contact:
     area: Numbers
     pressure: Numbers
     shear_length: Numbers
-    shear_area: Numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,11 +161,12 @@ kernels.check_records(TRACTION, DEMAND)
 
 
 def contact(load: Any, soil: Soil, wheel: Wheel, slip: Any = 0.0) -> Contact:
-    """Sinkage and contact: cos θ1 = 1 − z/r, Q = 2 r b (1 − cos w)/w with w = (θ1 − θ2)/2.
+    """Sinkage and contact of a wheel, z = k W at rest: cos θ0 = 1 − z/r, and both halves bear.
 
-    z = k W (1 + s)/(1 − s/2) (Lyasko, "Slip sinkage effect in soil–vehicle mechanics", 2010); in
-    the model `paper` z = k W. z may exceed r; θ1 ends at π/2. l = `Wheel.shear_length`, or W/(b p)
-    of a tyre if that is more. Cohesion acts on l b, in the model `paper` on Q.
+    A wheel that slips by s digs itself in, to cos θ1 = 1 − z/r with θ1 = θ0 + f s √(GROWTH² +
+    acos(r/(r + h))²), fitted to measured wheels. In the model `paper` z = k W, and the wheel
+    touches the soil from θ1 to 0. z may exceed r; angles end at π/2. Q = 2 r b (1 − cos w)/w, w
+    half of what the rim touches. l = `Wheel.shear_length`, or W/(b p) of a tyre if that is more.
 
     Args:
         load: load W, N.
@@ -175,8 +175,8 @@ def contact(load: Any, soil: Soil, wheel: Wheel, slip: Any = 0.0) -> Contact:
         slip: slip s, from 0 to 1.
     """
     shape, (weights, rate, slips) = flatten(load, soil.sinkage, slip)
-    sinkage, entry, effective, shear, sheared = kernels.contacts(weights, rate, slips, wheel).T
-    length = wheel.radius * np.sin(entry)
+    sinkage, entry, effective, shear = kernels.contacts(weights, rate, slips, wheel).T
+    length = (2.0 if wheel.slips else 1.0) * wheel.radius * np.sin(entry)
     area = length * wheel.width
     pressure = np.divide(weights, area, out=np.zeros_like(area), where=area > 0.0)
     return Contact(
@@ -187,30 +187,19 @@ def contact(load: Any, soil: Soil, wheel: Wheel, slip: Any = 0.0) -> Contact:
         area=reshape(area, shape),
         pressure=reshape(pressure, shape),
         shear_length=reshape(shear, shape),
-        shear_area=reshape(sheared, shape),
     )
-
-
-def mobilised_share(shear_length: Any, shear_modulus: Any, slip: Any) -> Numbers:
-    """Share A of the strength that a slip mobilises: A = 1 − (1 − exp(−x))/x, x = s l/K.
-
-    The law of Janosi and Hanamoto, "The analytical determination of drawbar pull as a function of
-    slip", 1961, over a flat patch as in Wong, Theory of Ground Vehicles. A = 1 where K is 0, not
-    known.
-    """
-    shape, (length, modulus, slips) = flatten(shear_length, shear_modulus, slip)
-    return reshape(kernels.mobilisations(length, modulus, slips), shape)
 
 
 def traction(load: Any, soil: Soil, wheel: Wheel, slip: Any | None = None) -> Traction:
     """The traction of a driven wheel at a slip, its `max_slip` if None.
 
-    The stresses act at θm = (θ1 + θ2)/2: across the rim N = (W − A C sin θm)/(cos θm + A tan φ
-    sin θm) with C = c b l, along it S = A (C + N tan φ); DP = S cos θm − N sin θm, and T = S r
-    w²/(2 (1 − cos w)). σm = N/Q and τm = S/Q. With θ2 = 0, A = 1 and C = c Q (the model `paper`)
-    these are the formulas of Iagnemma, Shibly and Dubowsky 2002. A motor that is too weak for T
-    gives S from its torque. N is never below 0: where cohesion alone would bear the wheel, only the
-    part that bears the load acts.
+    Forces act at an angle θm: across the rim N = (W − A C sin θm)/(cos θm + A μ sin θm), along it
+    S = A (C + N μ); DP = S cos θm − N sin θm, and T = S r. Friction μ, cohesive force C, the share
+    A that slip mobilises and θm are those of kernels/traversability/terramechanics.hpp, which names
+    their sources. In the model `paper` A = 1, μ = tan φ, C = c Q, θm = θ1/2 and T = S r w²/(2 (1 −
+    cos w)) (Iagnemma, Shibly and Dubowsky 2002). σm = N/Q and τm = S/Q. A motor that is too weak
+    for T gives S from its torque. N is never below 0: where cohesion alone would bear the wheel,
+    only the part that bears the load acts.
 
     Returns:
         The wheel at its limit; no number is NaN.
@@ -223,30 +212,43 @@ def traction(load: Any, soil: Soil, wheel: Wheel, slip: Any | None = None) -> Tr
     return Traction(**reshape_members(out, shape))
 
 
-def best_traction(load: float, soil: Soil, wheel: Wheel, max_slip: float) -> Traction:
-    """The traction of a driven wheel at the slip, up to `max_slip`, of its largest drawbar pull."""
-    low, high = 0.0, max_slip
-    for _ in range(2):
-        slips = np.linspace(low, high, _SLIPS + 1)[1:]
-        pulls = np.asarray(traction(load, soil, wheel, slips).drawbar)
-        best = _SLIPS - 1 - int(np.argmax(pulls[::-1]))  # of equals the last
-        low, high = slips[best - 1] if best else low, slips[min(best + 1, _SLIPS - 1)]
-    return traction(load, soil, wheel, slips[best])
-
-
 def towed_resistance(load: Any, soil: Soil, wheel: Wheel) -> Numbers:
     """Resistance of a wheel without torque, R = W tan θm, N: −DP at τm = 0."""
     shape, (weights, rate) = flatten(load, soil.sinkage)
     return reshape(kernels.towing(weights, rate, wheel), shape)
 
 
-def lateral_grip(load: Any, soil: Soil, wheel: Wheel) -> Numbers:
-    """Grip of a wheel against a push from the side, c b l + W tan φ, N.
+def grip(load: Any, soil: Soil, wheel: Wheel, slip: Any = 1.0) -> Numbers:
+    """Force that holds a wheel along and across together, A (C + W μ), N, at a slip.
 
-    l is the shear length, or r sin θ1 in the model `paper`.
+    In the model `paper` it is c b r sin θ1 + W tan φ.
     """
-    shape, soils, (weights,) = flatten_soils(replace(soil, shear_modulus=0.0), load)
-    return reshape(kernels.grips(weights, soils, wheel), shape)
+    shape, soils, (weights, slips) = flatten_soils(soil, load, slip)
+    return reshape(kernels.grips(weights, soils, slips, wheel), shape)
+
+
+def lateral_grip(load: Any, soil: Soil, wheel: Wheel) -> Numbers:
+    """Grip of a wheel against a push from the side, C + W μ, N: all of its strength."""
+    return grip(load, replace(soil, shear_modulus=0.0), wheel)
+
+
+def side_force(load: Any, soil: Soil, wheel: Wheel, slip: Any, crab: Any) -> Numbers:
+    """Force sideways, N, of a wheel that heads away from where it moves by a crab angle, rad.
+
+    All that holds the wheel acts against the sliding q of its contact, s along and (1 − s) tan β
+    across: q X/(q X + 2) (C + W μ) (1 − s) tan β/q.
+    """
+    shape, soils, (weights, slips, angles) = flatten_soils(soil, load, slip, crab)
+    return reshape(kernels.side_forces(weights, soils, slips, angles, wheel), shape)
+
+
+def softness(load: Any, soil: Soil, wheel: Wheel) -> Numbers:
+    """Softness f = 1 − exp(−θ0/SOFT) of the ground under a wheel, 0 where it does not yield.
+
+    It is 0 in the model `paper`, too.
+    """
+    shape, (weights, rate) = flatten(load, soil.sinkage)
+    return reshape(kernels.softnesses(weights, rate, wheel), shape)
 
 
 def forces_from(
@@ -349,10 +351,10 @@ def remarks(load: float, soil: Soil, wheel: Wheel) -> tuple[str, ...]:
 def demand(load: Any, soil: Soil, wheel: Wheel, pull: Any = 0.0) -> Demand:
     """The demand of a wheel under a load that pushes with a force along its heading.
 
-    U is the least share of the soil's strength with which DP = F, at the sinkage of the slip that
-    mobilises U, s = x K/l. A wheel that is held back (F below DP at U = 0) does not slip:
-    S = F cos θm + W sin θm and N = W cos θm − F sin θm from the equilibrium of the wheel,
-    U = |S|/(C + N tan φ).
+    U is the least share of the soil's strength with which DP = F, s the slip that mobilises U, x =
+    2 U/(1 − U) and s = (x − x0)/(X − x0). A wheel that is held back (F below DP at U = 0) does not
+    slip: S = F cos θm + W sin θm and N = W cos θm − F sin θm from the equilibrium of the wheel,
+    U = |S|/(C + N μ).
 
     The motor does not count here: compare `torque` with `wheel.max_torque`.
 

@@ -62,10 +62,10 @@ def test_a_wheel_by_its_figures() -> None:
     [
         (["--grouser-height", 0.02], Wheel(0.2, 0.1, grouser_height=0.02)),
         (["--contact-length", 0.15], Wheel(0.2, 0.1, contact_length=0.15)),
-        (["--tyre-pressure", 70], Wheel(0.2, 0.1, patch_pressure=90e3)),
+        (["--tyre-pressure", 70], Wheel(0.2, 0.1, patch_pressure=90e3, tyre=True)),
         (
             ["--tyre-pressure", 70, "--grouser-height", 0.2, "--contact-length", 0.4],
-            Wheel(0.2, 0.1, grouser_height=0.2, contact_length=0.4, patch_pressure=90e3),
+            Wheel(0.2, 0.1, grouser_height=0.2, contact_length=0.4, patch_pressure=90e3, tyre=True),
         ),
     ],
 )

@@ -596,7 +596,7 @@ class TestTables:
     """What is interpolated, against what is computed."""
 
     @pytest.mark.parametrize(
-        "soil", [E1, RIGID, {**E1, "shearModulus": 0.025}, {**E1, "cohesion": 20, "fricAngle": 6}]
+        "soil", [E1, RIGID, {**E1, "shearModulus": 0.025}, {**E1, "cohesion": 20, "fricAngle": 16}]
     )
     @pytest.mark.parametrize(
         "vehicle",

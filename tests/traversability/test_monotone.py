@@ -34,7 +34,7 @@ def cases(slips: bool) -> list[Case]:
             radius * float(rng.uniform(0.2, 1.2)),
             grouser_height=radius * float(rng.choice([0.0, rng.uniform(0.01, 0.3)])),
             contact_length=radius * float(rng.choice([0.0, rng.uniform(0.1, 1.5)])),
-            exit_ratio=float(rng.choice([0.0, 0.45, rng.uniform(0.0, 0.95)])),
+            tyre=bool(rng.random() < 0.3),
             slips=slips,
         )
         load = 2e4 * radius**2 * float(rng.uniform(0.05, 1.0))

@@ -120,7 +120,7 @@ class TestDocument:
         assert vehicle["wheel"]["patch_pressure_kPa"] is None  # a rigid rim
         assert (middle["radius_m"], middle["patch_pressure_kPa"]) == (0.11, pytest.approx(95))
         assert (rear["grouser_height_m"], rear["contact_length_m"]) == (0.02, 0.12)
-        assert (rear["max_torque_Nm"], rear["exit_ratio"]) == (5, 0.4)
+        assert (rear["max_torque_Nm"], rear["tread_m"]) == (5, 0.02)
         page = as_markdown(reports.KINDS["all"])
         assert "| radius 0.125 m, width 0.1 m |" in page
         (axles,) = (line for line in page.splitlines() if line.startswith("| axles |"))

@@ -200,11 +200,11 @@ class TestRuts:
         assert terrain.height(20.01, 10.4) == 0.0
 
     def test_preset(self, tmp_path: Path) -> None:
-        """Of a preset it is Bekker's sinkage for this wheel and load."""
+        """Of a preset it is Bekker's sinkage for this wheel, of which each half bears half."""
         terrain = driven(flat(tmp_path), [(25, 2), (30, 2)])
         # n = 1, kc = 1.4 kN/m², kφ = 820 kN/m³ (Wong 2008)
-        bekker = (3 * 100 / ((3 - 1) * (1.4e3 + 0.1 * 820e3) * math.sqrt(0.4))) ** (2 / 3)
-        assert bekker == pytest.approx(0.2007e-3 * 100, rel=1e-3)
+        bekker = (3 * 50 / ((3 - 1) * (1.4e3 + 0.1 * 820e3) * math.sqrt(0.4))) ** (2 / 3)
+        assert bekker == pytest.approx(0.2007e-3 * 100 / 2 ** (2 / 3), rel=1e-3)
         assert terrain.height(30.4, 2.4) == pytest.approx(-bekker, rel=1e-5)
 
     def test_surface(self, tmp_path: Path) -> None:

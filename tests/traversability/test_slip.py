@@ -316,15 +316,15 @@ class TestChart:
 
     def test_names_do_not_cover_each_other(self) -> None:
         """Ten surfaces, some alike: all are in the legend; what has room is named at its curve."""
-        soils = [replace(TURF, friction=math.radians(angle)) for angle in range(25, 35)]
+        soils = [replace(TURF, friction=math.radians(angle)) for angle in range(14, 24)]
         report = report_of(NOSE_HEAVY, *soils, soils[0])
-        for width in (900.0, 330.0):
+        for width, named in ((900.0, 1), (330.0, 0)):
             text = curves.slip_chart(
                 curves.slip_lines(report), curves.slip_marks([NOSE_HEAVY]), width
             )
             chart = Chart(text)
             assert len(chart.legend) == 11
-            assert 0 < len(chart.names) < 11
+            assert named <= len(chart.names) < 11
             for (a, x, y), (b, u, v) in combinations(chart.names, 2):
                 apart = x + 6 * len(a) <= u or u + 6 * len(b) <= x
                 assert apart or abs(y - v) >= 12, (a, b)

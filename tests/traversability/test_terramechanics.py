@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from terratool.errors import RequestError
@@ -178,9 +178,6 @@ SOILS = st.builds(
 LOADS = st.floats(1, 2000)
 
 
-RATIOS = st.one_of(st.just(0.0), st.floats(0.01, 0.95))
-
-
 def by_integrals(
     radius: float, width: float, entry: float, leave: float, normal: float, shear: float
 ) -> tuple[float, float, float]:
@@ -198,76 +195,138 @@ def by_integrals(
     )
 
 
-@given(RADII, st.floats(0.1, 1.5), RATIOS, st.floats(0, 1e5), st.floats(0, 1e5))
+@given(RADII, st.floats(0.1, 1.5), st.floats(0, 1e5), st.floats(0, 1e5))
 @settings(max_examples=examples(50))
 def test_forces_are_the_integrals_of_the_stresses(
-    radius: float, entry: float, ratio: float, normal: float, shear: float
+    radius: float, entry: float, normal: float, shear: float
 ) -> None:
-    """Ahead of the axle, and behind it where the wheel leaves the soil there."""
+    """From the angle at which the wheel meets the soil to its lowest point."""
     width = 0.3
-    expected = by_integrals(radius, width, entry, -ratio * entry, normal, shear)
-    found = wheel.forces_from(normal, shear, entry, Wheel(radius, width, exit_ratio=ratio))
+    expected = by_integrals(radius, width, entry, 0.0, normal, shear)
+    found = wheel.forces_from(normal, shear, entry, Wheel(radius, width))
     scale = radius * width * (normal + shear)
     np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12 * scale)
 
 
-@given(RADII, SOILS, LOADS, st.floats(0, 1), RATIOS, st.booleans())
+@given(RADII, SOILS, LOADS, st.floats(0, 1), st.booleans())
 @settings(max_examples=examples(100))
 def test_a_driven_wheel_is_in_equilibrium(
-    radius: float, soil: Soil, load: float, slip: float, ratio: float, slips: bool
+    radius: float, soil: Soil, load: float, slip: float, slips: bool
 ) -> None:
-    """The stresses bear the load, and the pull that they give needs the torque that they take."""
-    tyre = Wheel(radius, 0.3, exit_ratio=ratio, slips=slips)
-    here = wheel.contact(load, soil, tyre, slip)
-    assume(1e-9 < here.sinkage < radius)
+    """The stresses bear the load, and the pull that they give needs the torque that they take.
+
+    In the model `slip` their sums act at 2^(1/3)/2 of the angle of the contact at rest.
+    """
+    tyre = Wheel(radius, 0.3, slips=slips)
+    here, at_rest = (wheel.contact(load, soil, tyre, s) for s in (slip, 0.0))
+    assume(1e-9 < at_rest.sinkage < radius)
     best = wheel.traction(load, soil, tyre, slip)
     assert best.sinkage == here.sinkage
-    leave = -ratio * float(here.entry_angle) if slips else 0.0
-    forces = by_integrals(
-        radius, 0.3, float(here.entry_angle), leave,
-        float(best.normal_stress), float(best.shear_stress),
-    )  # fmt: skip
+    across, along = float(best.normal_stress), float(best.shear_stress)
+    if slips:
+        angle, area = 2 ** (1 / 3) / 2 * at_rest.entry_angle, float(here.effective_area)
+        across, along = area * across, area * along
+        forces = (
+            across * math.cos(angle) + along * math.sin(angle), along * radius,
+            along * math.cos(angle) - across * math.sin(angle),
+        )  # fmt: skip
+    else:
+        forces = by_integrals(radius, 0.3, float(here.entry_angle), 0.0, across, along)
     assert forces == pytest.approx((load, best.torque, best.drawbar), rel=1e-7, abs=1e-7 * load)
     assert best.normal_stress >= 0
 
 
 @given(SOILS, LOADS, st.floats(0.02, 1))
-@example(Soil.of(0, 12, 0.25, 0.015625), 405.0, 0.25)  # at more slip it sinks in to its axle
-@example(Soil.of(0, 13, 0.002, 0.005), 85.0, 0.875)  # the pull falls from there on, a little
 @settings(max_examples=examples(100))
 def test_what_a_slip_gives_needs_that_slip(soil: Soil, load: float, slip: float) -> None:
-    """There and back, unless less slip gives as much: a wheel may dig itself in."""
+    """There and back: the same slip, torque and sinkage."""
     best = wheel.traction(load, soil, SLIPPING, slip)
-    towed = wheel.towed_resistance(load, soil, SLIPPING)
-    assume(soil.shear_modulus > 0 and best.sinkage < 0.2 and best.drawbar > -0.99 * towed)
+    assume(soil.shear_modulus > 0 and best.sinkage < 0.2 and best.mobilised * soil.friction > 1e-3)
     need = demand(load, soil, SLIPPING, float(best.drawbar))
-    assert need.slip <= slip * (1 + 1e-6) + 1e-9
-    again = wheel.traction(load, soil, SLIPPING, float(need.slip))
-    assert again.drawbar == pytest.approx(best.drawbar, rel=1e-6, abs=1e-6 * load)
-    assert again.torque == pytest.approx(need.torque, rel=1e-6, abs=1e-6 * load)
-    assert again.sinkage == pytest.approx(need.sinkage, rel=1e-6)
+    assert need.utilisation == pytest.approx(best.mobilised, rel=1e-5)
+    assert need.slip == pytest.approx(slip, rel=1e-3)
+    assert best.torque == pytest.approx(need.torque, rel=1e-6, abs=1e-6 * load)
+    assert best.sinkage == pytest.approx(need.sinkage, rel=1e-3)
 
 
-@given(st.floats(0.005, 2), st.floats(0.005, 0.05), st.floats(0, 1))
+@given(st.floats(0.0, 2), st.floats(0.005, 0.05), st.floats(0, 1))
 @settings(max_examples=examples(100))
-def test_slip_mobilises_by_the_law_of_janosi_and_hanamoto(
-    length: float, modulus: float, slip: float
-) -> None:
-    """The mean of 1 − exp(−j/K) along a patch under which j grows from 0 to s l."""
-    j = slip * length * (np.arange(20_000) + 0.5) / 20_000
-    wanted = float(np.mean(1 - np.exp(-j / modulus)))
-    assert wheel.mobilised_share(length, modulus, slip) == pytest.approx(wanted, rel=1e-5, abs=1e-9)
+def test_slip_mobilises_by_kondners_hyperbola(length: float, modulus: float, slip: float) -> None:
+    """On ground that does not yield: half the strength at x = 2, and Janosi's slope at first.
+
+    Janosi and Hanamoto's mean of 1 − exp(−j/K) over a patch under which j grows from 0 to x K is
+    x/2 for small x. The length of 0.59 m is that of a wheel that K of the books belongs to.
+    """
+    plate = Wheel(5.0, 0.1, contact_length=length)
+    soil = Soil.of(0, 30, 0, modulus)
+    x = slip * max(0.59, length, 0.4 * 5.0) / modulus
+    found = wheel.traction(100, soil, plate, slip)
+    assert found.mobilised == pytest.approx(x / (x + 2))
+    assert found.drawbar == pytest.approx(x / (x + 2) * 100 * math.tan(math.radians(30)))
+    small = 1e-4 * modulus / 2.0
+    j = 1e-4 * (np.arange(1000) + 0.5) / 1000
+    wanted = float(np.mean(-np.expm1(-j)))
+    assert wheel.traction(100, soil, Wheel(5.0, 0.1), small).mobilised == pytest.approx(
+        wanted, rel=1e-3
+    )
 
 
-@given(SOILS, LOADS, st.floats(0, 1))
+@given(SOILS, LOADS, st.floats(0, 1), st.floats(0, 0.05))
 @settings(max_examples=examples(50))
-def test_slip_sinks_a_wheel_in_by_the_law_of_lyasko(soil: Soil, load: float, slip: float) -> None:
-    """z = k W (1 + s)/(1 − s/2); no less in the model `paper`, and cos θ1 = 1 − z/r."""
-    here = wheel.contact(load, soil, SLIPPING, slip)
-    sinkage = soil.sinkage * load * (1 + slip) / (1 - slip / 2)
-    assert here.sinkage == pytest.approx(sinkage)
-    assert math.cos(here.entry_angle) == pytest.approx(1 - min(sinkage / 0.2, 1), abs=1e-12)
+def test_slip_digs_a_wheel_in_by_an_angle(
+    soil: Soil, load: float, slip: float, lugs: float
+) -> None:
+    """θ1 grows by f s √(0.305² + acos(r/(r + h))²); in the model `paper` z = k W stays."""
+    tyre = Wheel(0.2, 0.1, grouser_height=lugs)
+    at_rest = math.acos(1 - min(soil.sinkage * load / 0.2, 1))
+    softness = 1 - math.exp(-at_rest / 0.1)
+    entry = at_rest + softness * slip * math.hypot(0.305, math.acos(0.2 / (0.2 + lugs)))
+    depth = max(0.2 * (1 - math.cos(min(entry, math.pi / 2))), soil.sinkage * load)
+    assert wheel.contact(load, soil, tyre, slip).sinkage == pytest.approx(depth)
+    assert wheel.softness(load, soil, tyre) == pytest.approx(softness)
     assert wheel.contact(load, soil, WHEEL, slip).sinkage == pytest.approx(soil.sinkage * load)
+
+
+def test_cohesion_bears_no_more_than_the_soil_does() -> None:
+    """In clay without friction a light wheel pulls W/5.14, whatever its size; rigid or not."""
+    clay = Soil.of(60, 0, 0.001)
+    for width in (0.1, 1.0):
+        found = wheel.traction(10, clay, Wheel(0.2, width))
+        assert found.thrust == pytest.approx(10 / (2 + math.pi), rel=0.05)
+    heavy = wheel.traction(1e5, replace(clay, sinkage=0.0), Wheel(0.2, 0.1))
+    assert heavy.drawbar == pytest.approx(60e3 * 0.1 * 0.08, rel=0.05)  # c b l
+
+
+def test_a_bare_rim_slides_on_soft_soil_and_a_tyre_does_not() -> None:
+    """tan φ up to 0.46 for a rim, 0.75 for lugs of 5 mm and treads; all of it on rigid ground."""
+    strong = Soil(0.0, math.atan(0.9), 1e-3)
+    for tyre, friction in (
+        (Wheel(0.2, 0.1), 0.46), (Wheel(0.2, 0.1, grouser_height=0.0025), 0.605),
+        (Wheel(0.2, 0.1, grouser_height=0.02), 0.75), (Wheel(0.2, 0.1, tyre=True), 0.75),
+    ):  # fmt: skip
+        softness = float(wheel.softness(50, strong, tyre))
+        expected = 0.9 - softness * (0.9 - friction)
+        assert wheel.grip(50, strong, tyre) == pytest.approx(50 * expected)
+        hard = replace(strong, sinkage=0.0)
+        assert wheel.grip(50, hard, tyre) == pytest.approx(45)
+    weak = Soil(0.0, math.atan(0.4), 1e-3)
+    assert wheel.grip(50, weak, Wheel(0.2, 0.1)) == pytest.approx(20)
+
+
+@given(SOILS, LOADS, st.floats(0, 0.99), st.floats(0, 1.5))
+@settings(max_examples=examples(100))
+def test_a_force_sideways_shares_one_circle_with_the_pull(
+    soil: Soil, load: float, slip: float, crab: float
+) -> None:
+    """It acts against the sliding: straight across where the wheel does not slip."""
+    tyre = Wheel(0.2, 0.1)
+    assume(soil.shear_modulus > 0)
+    held = float(wheel.lateral_grip(load, soil, tyre))
+    across = (1 - slip) * math.tan(crab)
+    x = 0.59 / soil.shear_modulus * math.hypot(slip, across)
+    found = float(wheel.side_force(load, soil, tyre, slip, crab))
+    expected = x / (x + 2) * held * across / math.hypot(slip, across) if across else 0.0
+    assert found == pytest.approx(expected, abs=1e-9 * load)
 
 
 # What must hold for any soil and load
@@ -312,12 +371,17 @@ def test_more_load_sinks_deeper_and_resists_more(
 def test_soft_ground_becomes_rigid_ground(
     soil: Soil, load: float, slip: float, slips: bool
 ) -> None:
-    """As k falls to 0 forces tend to those of rigid ground: friction, and cohesion on the patch."""
+    """As k falls to 0 forces tend to those of rigid ground: friction, and cohesion as it bears."""
     tyre = SLIPPING if slips else WHEEL
     hard = replace(soil, sinkage=0.0)
     expected = wheel.traction(load, hard, tyre, slip)
-    share = float(wheel.mobilised_share(0.08, soil.shear_modulus, slip)) if slips else 1.0
-    held = soil.cohesion * 0.1 * 0.08 if slips else 0.0
+    share, held = float(expected.mobilised), 0.0
+    if slips:
+        tan = math.tan(soil.friction)
+        passive = math.tan(math.pi / 4 + soil.friction / 2) ** 2
+        bears = (math.exp(math.pi * tan) * passive - 1) / tan if tan > 1e-6 else 2 + math.pi
+        sheared = soil.cohesion * 0.1 * 0.08
+        held = load * sheared / (load + bears * sheared)
     assert expected.thrust == pytest.approx(share * (load * math.tan(soil.friction) + held))
     assert expected.torque == pytest.approx(0.2 * expected.thrust)
     assert expected.resistance == 0
@@ -439,16 +503,11 @@ def test_all_broadcasts() -> None:
 
 
 def test_a_soil_is_found_again_from_its_stresses() -> None:
-    """Least squares over loads give c and φ back, with and without what slip mobilises."""
+    """Least squares over loads give c and φ back."""
     weights = np.array([50.0, 100.0, 220.0])
     best = wheel.traction(weights, E1, WHEEL)
     found = wheel.identify(best.normal_stress, best.shear_stress)
     assert found == pytest.approx((1000, math.radians(30)), rel=1e-9)
-    # in the model `slip` cohesion acts on the patch, and stresses count on Q
-    loose = Soil.of(0, 30, 0.1, 0.025)
-    best = wheel.traction(weights, loose, SLIPPING, 0.3)
-    found = wheel.identify(best.normal_stress, best.shear_stress, best.mobilised)
-    assert found == pytest.approx((0, math.radians(30)), rel=1e-9, abs=1e-6)
 
 
 @pytest.mark.parametrize("stresses", [([1e4], [1e3]), ([1e4, 1e4], [1, 2]), ([], [])])
@@ -503,8 +562,7 @@ def test_remarks() -> None:
 def driven(vehicle: Vehicle, soil: Soil, pull: float, pitch: float = 0.0) -> tuple[float, ...]:
     """`kernels.drive` for a vehicle that heads up a slope."""
     plan, weights = limits.wheel_layout(vehicle), limits.wheel_loads(vehicle, pitch)
-    slip = vehicle.wheel.max_slip
-    need = kernels.drive(plan, weights, under_wheels(soil), pull, slip, np.empty_like(weights))
+    need = kernels.drive(plan, weights, under_wheels(soil), pull, np.empty_like(weights))
     return need["utilisation"], need["torque"], need["slip"], need["power"]
 
 

@@ -51,11 +51,11 @@ def test_every_key_arrives_in_its_place_and_unit() -> None:
     assert [(axle.wheels, axle.driven) for axle in vehicle.axles] == [
         (4, True), (1, False), (2, True),
     ]  # fmt: skip
-    assert vehicle.wheel == Wheel(0.2, 0.1, 30.0, 0.8, grouser_height=0.015, exit_ratio=0.4)
+    assert vehicle.wheel == Wheel(0.2, 0.1, 30.0, 0.8, grouser_height=0.015, contact_length=0.09)
     # of another kind, and so without lugs; of the same kind, but with longer ones
-    castor = Wheel(0.12, 0.06, 30.0, 0.8, 0.0, 0.07, pytest.approx(95e3), 0.4)
+    castor = Wheel(0.12, 0.06, 30.0, 0.8, 0.0, 0.07, pytest.approx(95e3), tyre=True)
     assert [vehicle.wheel_of(axle) for axle in vehicle.axles] == [
-        vehicle.wheel, castor, Wheel(0.2, 0.1, 45.0, 0.8, 0.025, exit_ratio=0.4),
+        vehicle.wheel, castor, Wheel(0.2, 0.1, 45.0, 0.8, 0.025, 0.09),
     ]  # fmt: skip
     assert [axle.wheel is None for axle in vehicle.axles] == [True, False, False]
     assert (vehicle.mass, vehicle.gravity, vehicle.track_width) == (120, 3.71, 0.9)
@@ -96,15 +96,20 @@ WHEELS: Json = {"radius": 0.25, "width": 0.2}
         ({"kind": "rigid"}, Wheel(0.25, 0.2)),
         ({"kind": "lugged"}, Wheel(0.25, 0.2, grouser_height=0.025)),
         ({"grouserHeight": 0.01}, Wheel(0.25, 0.2, grouser_height=0.01)),
-        ({"kind": "tyre"}, Wheel(0.25, 0.2)),
-        ({"tyrePressure": 70}, Wheel(0.25, 0.2, patch_pressure=90e3)),
-        ({"tyrePressure": 70, "carcassStiffness": 0}, Wheel(0.25, 0.2, patch_pressure=70e3)),
+        ({"kind": "tyre"}, Wheel(0.25, 0.2, tyre=True)),
+        ({"tyrePressure": 70}, Wheel(0.25, 0.2, patch_pressure=90e3, tyre=True)),
+        (
+            {"tyrePressure": 70, "carcassStiffness": 0},
+            Wheel(0.25, 0.2, patch_pressure=70e3, tyre=True),
+        ),
         (
             {"tyrePressure": 70, "carcassStiffness": 35, "grouserHeight": 0.03},
-            Wheel(0.25, 0.2, grouser_height=0.03, patch_pressure=105e3),
+            Wheel(0.25, 0.2, grouser_height=0.03, patch_pressure=105e3, tyre=True),
         ),
-        ({"kind": "tyre", "contactLength": 0.2}, Wheel(0.25, 0.2, contact_length=0.2)),
-        ({"exitAngleRatio": 0}, Wheel(0.25, 0.2, exit_ratio=0.0)),
+        (
+            {"kind": "tyre", "contactLength": 0.2},
+            Wheel(0.25, 0.2, contact_length=0.2, tyre=True),
+        ),
     ],
 )  # fmt: skip
 def test_a_kind_of_wheel_stands_for_its_figures(wheels: Json, wheel: Wheel) -> None:
@@ -122,9 +127,13 @@ def test_a_kind_of_wheel_stands_for_its_figures(wheels: Json, wheel: Wheel) -> N
         ({"grouserHeight": 0.02}, {"kind": "rigid"}, Wheel(0.25, 0.2)),
         ({"grouserHeight": 0.02}, {"grouserHeight": 0}, Wheel(0.25, 0.2)),
         ({"tyrePressure": 70}, {"kind": "rigid", "maxTorque": 3}, Wheel(0.25, 0.2, 3.0)),
-        ({"tyrePressure": 70}, {"tyrePressure": 50}, Wheel(0.25, 0.2, patch_pressure=70e3)),
+        (
+            {"tyrePressure": 70},
+            {"tyrePressure": 50},
+            Wheel(0.25, 0.2, patch_pressure=70e3, tyre=True),
+        ),
         ({"maxSlip": 0.5}, {"width": 0.1}, Wheel(0.25, 0.1, max_slip=0.5)),
-        ({}, {"tyrePressure": 50}, Wheel(0.25, 0.2, patch_pressure=70e3)),
+        ({}, {"tyrePressure": 50}, Wheel(0.25, 0.2, patch_pressure=70e3, tyre=True)),
         ({}, {"radius": 0.25, "width": 0.2}, None),
         ({"tyrePressure": 70}, {"kind": "tyre"}, None),
     ],
@@ -300,6 +309,5 @@ def test_the_page_tells_the_truth() -> None:
     assert float(rows["speed"]) == meant(SMALLEST).speed
     assert float(rows["power"]) == meant(SMALLEST).power
     assert float(rows["maxSlip"]) == Wheel(1, 1).max_slip
-    assert float(rows["exitAngleRatio"]) == Wheel(1, 1).exit_ratio
     assert float(rows["contactLength"]) == Wheel(1, 1).contact_length
     assert float(rows["carcassStiffness"]) * 1e3 == CARCASS

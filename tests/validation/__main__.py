@@ -1,9 +1,18 @@
-"""Write the tables of docs/validation.md and its picture anew."""
+"""Write the tables of docs/validation.md and its picture anew; or, with `fit`, print the fit."""
 
 from __future__ import annotations
 
-from tests.validation.page import PAGE, renewed
-from tests.validation.picture import PICTURE, picture
+import sys
 
-PICTURE.write_text(picture(), "utf-8")
-PAGE.write_text(renewed(PAGE.read_text("utf-8")), "utf-8")
+if sys.argv[1:] == ["fit"]:
+    from tests.validation.fit import report
+
+    sys.stdout.write(report() + "\n")
+elif sys.argv[1:]:
+    raise SystemExit("usage: python -m tests.validation [fit]")
+else:
+    from tests.validation.page import PAGE, renewed
+    from tests.validation.picture import PICTURE, picture
+
+    PICTURE.write_text(picture(), "utf-8")
+    PAGE.write_text(renewed(PAGE.read_text("utf-8")), "utf-8")

@@ -3,39 +3,52 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from terratool.definition.presets import PRESETS
+from tests.validation.fit import FITTED, bootstrap, errors, factor, fitted, without
+from tests.validation.rule import RULE
 from tests.validation.series import (
     AGAIN,
     ALL,
     BROKEN,
+    CLIMBERS,
+    COHESIVE,
+    CRABS,
     CURIOSITY,
     DING,
-    DING_SMOOTH,
     GRC1,
+    K10,
+    K10_LUGS,
     LOOSE,
+    LRV,
     LRV_LOAD,
     LUNAR,
     MGRU3,
     OPPORTUNITY,
     OTHER,
+    RASHID_DRY,
     RATES,
     TREC,
+    Angles,
     Array,
-    Series,
+    Crab,
+    along,
     angles_of,
     husky_climb,
     largest_slope,
-    lrv,
     ratio,
     rms,
+    side_of,
     slopes,
+    sunk,
     tilted,
     traction_of,
+    with_modulus,
     with_soil,
 )
 
@@ -55,18 +68,61 @@ def signed(value: float) -> str:
     return f"{tenths:+.1f}".replace("-", "−") if tenths else "0.0"
 
 
+def signed3(value: float) -> str:
+    """With its sign, to three decimals."""
+    return f"{float(value):+.3f}".replace("-", "−")
+
+
+def within(depths: Array, most: float = 1.5) -> str:
+    """How many logarithms of factors are within one."""
+    return f"{int((np.abs(depths) < np.log(most)).sum())} of {len(depths)}"
+
+
+def sideways(one: Crab, steepest: float = 45.0, most: float = 0.6) -> Array:
+    """The force sideways over load that the model gives a steered wheel."""
+    crab, slip, load, _ = one.measured(steepest, most)
+    return side_of(one, along(slip, crab), crab, load)
+
+
+def with_sign(errors: Array) -> str:
+    """The rms of errors, and their mean."""
+    return f"{rms(errors):.1f} ({signed(errors.mean())})"
+
+
 def overview() -> str:
-    """Of each series how far the model is off."""
+    """Of each set how far the model is off, and how far a fit without the set is."""
     rows = []
     for one in ALL:
-        level, sloping = one.errors(), one.errors(tilted)
+        level = one.errors()
+        alone, lab = (
+            errors(without(one, whole_laboratory=whole), one).angle for whole in (False, True)
+        )
         rows.append((
             one.title, len(level), f"{rms(level):.1f}", signed(level.mean()),
-            f"{rms(sloping):.1f}", signed(sloping.mean()), f"{one.limit:.0f}",
+            signed(level[np.abs(level).argmax()]), with_sign(alone), with_sign(lab),
+            f"{one.limit:.1f}",
         ))  # fmt: skip
     return table(
-        "| series | points | rms, ° | bias, ° | rms on the slope, ° | bias, ° | limit, ° |", rows
+        "| set | points | rms, ° | bias, ° | worst, ° | left out, ° | with its laboratory, ° "
+        "| limit, ° |",
+        rows,
     )
+
+
+def constants() -> str:
+    """The fitted constants, those of the program, and how far they move."""
+    meaning = {
+        "reach": "REACH: length to which K of the books belongs, m",
+        "rim_friction": "RIM_FRICTION: friction of soil on a bare rim",
+        "growth": "GROWTH: angle by which a bare rim digs itself in at a slip of 1, rad",
+    }
+    ranges = np.percentile(bootstrap(), [5, 95], axis=0).T
+    rows = [
+        (meaning[name], f"{getattr(fitted(), name):.3f}", f"{getattr(RULE, name):g}",
+         f"{low:.2f} to {high:.2f}")
+        for name, (low, high) in zip(FITTED, ranges, strict=True)
+    ]  # fmt: skip
+    return table("| constant | fit | program | 5 to 95 % of draws |", rows)
 
 
 def point_by_point() -> str:
@@ -77,26 +133,75 @@ def point_by_point() -> str:
         off = one.errors()
         rows += [
             (one.title, "slip, %", *(f"{100 * slip:.3g}" for slip in slips)),
-            ("", "measured, °", *(f"{angle:.1f}" for angle in measured)),
+            ("", "measured, °", *(f"{angle:.1f}".replace("-", "−") for angle in measured)),
             ("", "model less measured, °", *map(signed, off)),
         ]
-    return table("| series | |" + " |" * 9, [(*row, *[""] * (11 - len(row))) for row in rows])
+    return table("| set | |" + " |" * 9, [(*row, *[""] * (11 - len(row))) for row in rows])
 
 
 def parts() -> str:
     """How far the model is off without some of it."""
-    choices: dict[str, Callable[[Series, Array], Array]] = {
-        "as it is": angles_of, **BROKEN, **OTHER
-    }  # fmt: skip
+    choices: dict[str, Angles] = {"as it is": angles_of, **BROKEN, **OTHER}
     rows = [
         (name, *(f"{rms(one.errors(angles)):.1f}" for one in ALL))
         for name, angles in choices.items()
     ]
     other = with_soil(GRC1)
-    rows.append(
-        ("GRC-1 of Chrono", *(f"{rms(one.errors(other)):.1f}" for one in ALL[:3]), "–", "–")
+    rows.append((
+        "GRC-1 of Chrono", *(f"{rms(one.errors(other)):.1f}" for one in ALL[:3]), *["–"] * 8
+    ))  # fmt: skip
+    return table(
+        "| rms, ° | MGRU3 | again | TREC | Harbin lugs | smooth | K10 smooth | lugs | KLS-1 smooth "
+        "| lugs | Rashid 2.4 | 0.2 |",
+        rows,
     )
-    return table("| rms, ° | MGRU3 | other digitisation | TREC | Harbin, lugs | smooth |", rows)
+
+
+def crabs() -> str:
+    """Force sideways over load, measured and of the model, by wheel, crab angle and slip."""
+    rows = []
+    for one in CRABS:
+        crab, slip, _, measured = one.measured(90.0, 1.0)
+        model = sideways(one, 90.0, 1.0)
+        for angle in np.unique(crab):
+            here = crab == angle
+            rows.append((
+                one.title, f"{np.degrees(angle):.0f}°",
+                *(f"{had:.2f}, {has:.2f}" for had, has in
+                  zip(measured[here], model[here], strict=True)),
+            ))  # fmt: skip
+        assert len(slip) == 25
+    return table("| wheel | crab angle | slip 0 | 0.23 | 0.5 | 0.75 | 0.9 |", rows)
+
+
+def depths() -> str:
+    """Sinkage and torque of the model over those measured, of each set that has some."""
+    rows = []
+    for one in ALL:
+        points = one.points
+        if np.isfinite(points.sinkage).all():
+            model = traction_of(one, points.slip, points.load)
+            deep = np.log(model.sinkage / points.sinkage)
+            rows.append((
+                one.title, len(deep), factor(deep), within(deep),
+                factor(np.log(model.torque / points.torque))
+                if np.isfinite(points.torque).all() else "–",
+            ))  # fmt: skip
+    return table(
+        "| set | points | sinkage over measured | within 1.5 | torque over measured |", rows
+    )
+
+
+def clay() -> str:
+    """What wheels climb on cohesive soils, at a slip of 20 % and at any."""
+    rows = []
+    for name in COHESIVE:
+        cells = []
+        for wheel, load in CLIMBERS.values():
+            climbs = slopes(PRESETS[name], wheel, load, np.array([0.2, 1.0]))
+            cells.append(", ".join(f"{angle:.0f}°" for angle in climbs))
+        rows.append((f"`{name}`", *cells))
+    return table("| soil | " + " | ".join(CLIMBERS) + " |", rows)
 
 
 def slip_at_slopes() -> str:
@@ -117,35 +222,19 @@ def slip_at_slopes() -> str:
     return table("| slip, % | 5° | 10° | 15° | 20° |", rows)
 
 
-def sinkage_and_torque() -> str:
-    """Of the lugged wheel of Harbin."""
-    measured, (slips, _) = DING.table, DING.measured
-    best = traction_of(DING, slips)
-    rows = zip(
-        (f"{100 * slip:.0f}" for slip in slips),
-        (f"{z:g}" for z in measured["sinkage_mm"][1:]),
-        (f"{1e3 * z:.1f}" for z in np.atleast_1d(best.sinkage)),
-        (f"{torque:g}" for torque in measured["torque_nm"][1:]),
-        (f"{torque:.1f}" for torque in np.atleast_1d(best.torque)),
-        strict=True,
-    )
-    return table("| slip, % | sinkage measured, mm | model | torque measured, N m | model |", rows)
-
-
 def lunar_rover() -> str:
-    """Pull over load of the LRV's wheel, by the length on which it stands."""
+    """Pull over load of the LRV's wheel."""
     rows = []
     slips = np.linspace(0.01, 1.0, 100)
-    for length in (0.0, 0.2, 0.3, 0.4):
-        wheel = lrv(length)
-        pull = ratio(LUNAR, wheel, LRV_LOAD, slips)
+    for name, tyre in (("treads as lugs", True), ("a bare rim", False)):
+        pull = ratio(LUNAR, replace(LRV, tyre=tyre), LRV_LOAD, slips)
         rows.append((
-            f"{wheel.shear_length:.2f}", *(f"{pull[n - 1]:.2f}" for n in (5, 15, 20, 25, 50, 100)),
-            f"{100 * pull[24] / pull.max():.0f} %", f"{100 * slips[pull.argmax()]:.0f} %",
+            name, *(f"{pull[n - 1]:.2f}" for n in (5, 15, 20, 25, 50, 100)),
+            f"{100 * pull[14] / pull.max():.0f} to {100 * pull[24] / pull.max():.0f} %",
         ))  # fmt: skip
     return table(
-        "| length, m | pull/load at 5 % | 15 % | 20 % | 25 % | 50 % | 100 % "
-        "| at 25 %, of the largest | largest at |",
+        "| wheel | pull/load at 5 % | 15 % | 20 % | 25 % | 50 % | 100 % "
+        "| at 15 to 25 %, of the largest |",
         rows,
     )
 
@@ -155,11 +244,11 @@ def rovers() -> str:
     rows = []
     for name in LOOSE:
         soil = PRESETS[name]
-        deep = traction_of(Series("", "", *CURIOSITY, soil, 0.0), np.array([0.77])).sinkage
+        deep = sunk(soil, *CURIOSITY, 0.77)
         rows.append((
             f"`{name}`", f"{largest_slope(OPPORTUNITY, soil):.0f}°",
             f"{largest_slope(CURIOSITY, soil):.0f}°",
-            f"{100 * float(np.squeeze(deep)) / (2 * CURIOSITY[0].radius):.0f} %",
+            f"{100 * deep / (2 * CURIOSITY[0].radius):.0f} %",
         ))  # fmt: skip
     return table(
         "| soil | Opportunity climbs | Curiosity climbs | and sinks in at 77 % slip, of its "
@@ -177,8 +266,8 @@ def firm_ground() -> str:
 
 
 TABLES = (
-    overview, point_by_point, parts, slip_at_slopes, sinkage_and_torque, lunar_rover, rovers,
-    firm_ground,
+    overview, constants, point_by_point, depths, crabs, parts, slip_at_slopes, clay, lunar_rover,
+    rovers, firm_ground,
 )  # fmt: skip
 
 
@@ -187,32 +276,55 @@ def said() -> list[str]:
     slips = np.linspace(0.1, 0.8, 15)
     gap = np.interp(slips, *TREC.measured) - np.interp(slips, *MGRU3.measured)
     shared = angles_of(TREC, slips) - angles_of(MGRU3, slips)
-    smooth, lugs = DING_SMOOTH.measured[1], DING.measured[1]
-    gain = angles_of(DING, DING.measured[0]) - angles_of(DING_SMOOTH, DING.measured[0])
-    at_rest = float(angles_of(DING, np.zeros(1))[0])
-    measured = np.degrees(np.arctan(DING.table["pull_n"][0] / DING.load))
-    opportunity = np.linspace(0.01, 1.0, 100)
-    climbs = slopes(PRESETS["lete-sand"], *OPPORTUNITY, opportunity)
-    (tilt_slip, _), (again_slip, _), (pull_slip, _) = MGRU3.measured, AGAIN.measured, TREC.measured
-    tilt_off = np.concatenate([MGRU3.errors(), AGAIN.errors()])
-    tilt_slips = np.concatenate([tilt_slip, again_slip])
-    first = np.abs(tilt_off[tilt_slips < 0.11]).max()
-    short = -TREC.errors()[pull_slip < 0.11]
-    middle = tilt_off[(tilt_slips > 0.35) & (tilt_slips < 0.45)]
+    tilt = [(one, one.errors(tilted)) for one in (MGRU3, AGAIN)]
     steep = np.linspace(5.0, 25.0, 201)
     readings = [np.interp(steep, *one.measured[::-1]) for one in (MGRU3, AGAIN)]
+    off = [one.errors() for one in ALL]
+    middle = np.concatenate([
+        one.errors()[(one.points.slip > 0.1) & (one.points.slip < 0.45)] for one in (MGRU3, AGAIN)
+    ])  # fmt: skip
+    left = [
+        rms(errors(without(one, whole_laboratory=whole), one).angle)
+        for one in ALL for whole in (False, True)
+    ]  # fmt: skip
+    twice = [errors(RULE, one).depth for one in ALL if one.tells_depth and one is not RASHID_DRY]
+    at_rest = [(one, float(angles_of(one, np.zeros(1), one.table.get("load_n", [one.load])[0])[0]))
+               for one in (DING, K10, K10_LUGS)]  # fmt: skip
+    stood = [np.degrees(np.arctan(one.table["pull_n"][0] / one.table.get("load_n", [one.load])[0]))
+             for one, _ in at_rest]  # fmt: skip
+    crab = [sideways(one) - one.measured()[3] for one in CRABS]
+    as_given = [
+        side_of(one, slip, angle, load) - had
+        for one in CRABS for angle, slip, load, had in [one.measured()]
+    ]  # fmt: skip
+    opportunity = np.linspace(0.01, 1.0, 100)
+    climbs = slopes(PRESETS["lete-sand"], *OPPORTUNITY, opportunity)
+    points = np.concatenate(off)
+    modulus = [rms(DING.errors(with_modulus(k))) for k in (0.0097, 0.0131)]
     return [
         f"differ by up to {100 * np.abs(readings[1] - readings[0]).max():.0f} points of slip",
-        f"the tilt bed is met within {np.ceil(2 * first) / 2:.1f}°",
-        f"pulls {short.min():.0f} to {short.max():.0f}° more than the model says",
+        f"mean of the biases is {signed(np.mean([e.mean() for e in off]))}°, the rms of all "
+        f"{len(points)} points {rms(points):.1f}°",
+        f"largest of those columns is {max(left):.1f}°",
         f"climbs {middle.min():.0f} to {middle.max():.0f}° more than the tilt bed showed",
-        f"ends up to {-min(one.errors().min() for one in (MGRU3, AGAIN, TREC)):.0f}° too low",
         f"TREC's wheel is {gap.min():.0f} to {gap.max():.0f}° above the tilt bed's",
         f"explains at most {np.abs(shared).max():.1f}°",
-        f"{gain.min():.1f} to {gain.max():.1f}°, measured are {(lugs - smooth).min():.1f} to "
-        f"{(lugs - smooth).max():.1f}°",
-        f"{signed(at_rest)}°, measured {signed(measured)}°",
+        "rms "
+        + " and ".join(f"{rms(e):.1f}" for _, e in tilt)
+        + "°, bias "
+        + " and ".join(signed(e.mean()) for _, e in tilt)
+        + "°",
+        f"at 80 % slip it is {-TREC.errors()[-1]:.0f}° too low",
+        "−".join(["", f"{-at_rest[1][1]:.1f}° against "]) + f"−{-stood[1]:.1f}° measured for the "
+        f"smooth wheel, −{-at_rest[2][1]:.1f}° against −{-stood[2]:.1f}° for the one with lugs",
+        f"Harbin's {signed(at_rest[0][1])}° against {signed(stood[0])}°",
+        f"within a factor of 1.5 in {within(np.concatenate(twice))} points",
+        f"rms {rms(crab[0]):.3f} W for the smooth wheel and {rms(crab[1]):.3f} W for the one with "
+        f"lugs, bias {signed3(crab[0].mean())} and {signed3(crab[1].mean())} W",
+        f"{rms(as_given[0]):.3f} and {rms(as_given[1]):.3f} W if their slip is taken as that along "
+        "the heading",
         f"takes {100 * opportunity[np.argmax(climbs >= 17)]:.0f} % of slip at 17°",
+        f"{min(modulus):.1f} to {max(modulus):.1f}°",
     ]
 
 

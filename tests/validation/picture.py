@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,12 @@ from tests.validation.series import (
     AGAIN,
     DING,
     DING_SMOOTH,
+    K10,
+    K10_LUGS,
+    KLS,
+    KLS_LUGS,
     MGRU3,
+    RASHID,
     TREC,
     Array,
     Series,
@@ -35,19 +40,24 @@ text { font: 12px sans-serif; fill: #222 }
 .q { fill: #fff; stroke: #c0392b; stroke-width: 1.6 }"""
 
 
+def place(number: int) -> tuple[float, float]:
+    """Left and top of a panel, three in a row."""
+    return 50 + (number % 3) * (WIDTH + 10), TOP + (number // 3) * 340
+
+
 class Panel:
     """Slip to the right, 0 to 100 %, and the angle up, −5 to 35°."""
 
-    def __init__(self, left: float, title: str) -> None:
+    def __init__(self, left: float, top: float, title: str) -> None:
         self.left = left
-        self.frame = PlotFrame(left, TOP, SIDE, HEIGHT, (0.0, 1.0), (-5.0, 35.0))
-        self.parts = [f'<text class="t" x="{left}" y="28">{title}</text>']
+        self.frame = PlotFrame(left, top, SIDE, HEIGHT, (0.0, 1.0), (-5.0, 35.0))
+        self.parts = [f'<text class="t" x="{left}" y="{top - 18}">{title}</text>']
         for angle in range(0, 31, 10):
             self._line("g", np.array([0.0, 1.0]), np.full(2, float(angle)))
             self._text(left - 6, self.frame.down(angle) + 4, f"{angle}°", "end")
         for slip in (0, 20, 40, 60, 80, 100):
-            self._text(self.frame.right(slip / 100), TOP + HEIGHT + 16, f"{slip} %", "middle")
-        self._text(self.frame.right(0.5), TOP + HEIGHT + 34, "slip", "middle")
+            self._text(self.frame.right(slip / 100), top + HEIGHT + 16, f"{slip} %", "middle")
+        self._text(self.frame.right(0.5), top + HEIGHT + 34, "slip", "middle")
 
     def _text(self, x: float, y: float, text: str, anchor: str = "start") -> None:
         self.parts.append(
@@ -57,17 +67,15 @@ class Panel:
     def _line(self, kind: str, slips: Array, angles: Array) -> None:
         self.parts.append(f'<polyline class="{kind}" points="{self.frame.points(slips, angles)}"/>')
 
-    def curve(
-        self, kind: str, series: Series, angles: Callable[[Series, Array], Array] = angles_of
-    ) -> None:
+    def curve(self, kind: str, series: Series) -> None:
         """What the model says of a series."""
         slips = _slips(series)
-        self._line(kind, slips, angles(series, slips))
+        self._line(kind, slips, angles_of(series, slips))
 
     def band(self, series: Series, low: float, high: float) -> None:
         """What it says for K from `low` to `high`."""
         slips = _slips(series)
-        upper, lower = with_modulus(low)(series, slips), with_modulus(high)(series, slips)
+        upper, lower = (with_modulus(k)(series, slips, series.load) for k in (low, high))
         around = np.concatenate([slips, slips[::-1]]), np.concatenate([upper, lower[::-1]])
         self.parts.insert(0, f'<polygon class="b" points="{self.frame.points(*around)}"/>')
 
@@ -77,14 +85,15 @@ class Panel:
             x, y = self.frame.right(slip), self.frame.down(angle)
             self.parts.append(f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="4"/>')
 
-    def legend(self, *rows: tuple[str, str]) -> None:
-        """What its marks mean, from the bottom up."""
-        x, y, high = self.left + 90.0, self.frame.down(-3.7), 15.0 * len(rows)
+    def legend(self, lowest: float, *rows: tuple[str, str]) -> None:
+        """What its marks mean, from an angle up."""
+        x, bottom, high = self.left + 90.0, self.frame.down(lowest), 15.0 * len(rows)
         self.parts.append(
-            f'<rect x="{x - 14}" y="{y + 4 - high:.1f}" width="180" height="{high}" fill="#fff"/>'
+            f'<rect x="{x - 14}" y="{bottom + 4 - high:.1f}" width="170" height="{high}" '
+            'fill="#fff"/>'
         )
         for n, (kind, text) in enumerate(rows):
-            y = self.frame.down(-3.7) - 15.0 * n
+            y = bottom - 15.0 * n
             if kind in "pq":
                 self.parts.append(f'<circle class="{kind}" cx="{x}" cy="{y - 4:.1f}" r="4"/>')
             elif kind == "b":
@@ -99,39 +108,70 @@ class Panel:
 def _slips(series: Series) -> Array:
     """Steps of slip for a curve, from where the model leaves the bottom of the picture."""
     slips = np.linspace(0.0, 1.0, 101)
-    return slips[(angles_of(series, slips) > -5.0) & (with_modulus(0.025)(series, slips) > -5.0)]
+    lowest = np.minimum(angles_of(series, slips), with_modulus(0.025)(series, slips, series.load))
+    return slips[lowest > -5.0]
+
+
+class Subject(NamedTuple):
+    """What one panel shows.
+
+    Attributes:
+        title: above the panel.
+        first: measured dots, filled, with a solid curve of the model.
+        second: further dots, hollow, if any.
+        also: whether the second has a dashed curve of its own.
+        words: for the first and the second dots.
+        band: K in m between which the model of the first lies.
+        lowest: angle at the bottom of its legend.
+    """
+
+    title: str
+    first: Series
+    second: Series | None
+    also: bool
+    words: tuple[str, str]
+    band: tuple[float, float]
+    lowest: float = -3.7
+
+
+SUBJECTS = (
+    Subject("NASA, tilt bed: slope climbed", MGRU3, AGAIN, False,
+            ("measured", "other digitisation"), (0.010, 0.025)),
+    Subject("NASA, TREC: pull", TREC, None, False, ("measured", ""), (0.010, 0.025)),
+    Subject("Harbin: pull", DING, DING_SMOOTH, True, ("lugs", "smooth rim"), (0.0097, 0.0131)),
+    Subject("K10 mini: pull", K10_LUGS, K10, True, ("lugs", "smooth rim"), (0.010, 0.025), 18.0),
+    Subject("KLS-1: pull", KLS_LUGS, KLS, True, ("lugs", "smooth rim"), (0.010, 0.025), 18.0),
+    Subject("Rashid-1: pull", RASHID, None, False, ("measured", ""), (0.010, 0.025)),
+)  # fmt: skip
+"""Six panels; pull is atan(pull/load)."""
+
+
+def _panel(subject: Subject, left: float, top: float) -> Panel:
+    panel = Panel(left, top, subject.title)
+    panel.band(subject.first, *subject.band)
+    panel.curve("m", subject.first)
+    low, high = (f"{1e3 * value:.3g}" for value in subject.band)
+    rows = [("b", f"model, K {low} to {high} mm"), ("m", "model")]
+    if subject.also and subject.second:
+        panel.curve("n", subject.second)
+        rows[1:] = [("n", f"model, {subject.words[1]}"), ("m", f"model, {subject.words[0]}")]
+    if subject.second:
+        panel.dots("q", subject.second)
+        rows.append(("q", subject.words[1]))
+    panel.dots("p", subject.first)
+    panel.legend(subject.lowest, *rows, ("p", subject.words[0]))
+    return panel
 
 
 def picture() -> str:
     """Measured points and curves of the model, as SVG."""
-    tilt = Panel(50, "Tilt bed: slope climbed, MGRU3")
-    tilt.band(MGRU3, 0.010, 0.025)
-    tilt.curve("m", MGRU3)
-    tilt.dots("p", MGRU3)
-    tilt.dots("q", AGAIN)
-    tilt.legend(
-        ("b", "model, K 10 to 25 mm"), ("m", "model, K 18 mm"),
-        ("q", "other digitisation"), ("p", "measured"),
+    panels = (
+        _panel(subject, *place(number)) for number, subject in enumerate(SUBJECTS)
     )  # fmt: skip
-    pull = Panel(50 + WIDTH + 10, "Pull, TREC: atan(pull/load)")
-    pull.band(TREC, 0.010, 0.025)
-    pull.curve("m", TREC)
-    pull.dots("p", TREC)
-    pull.legend(("b", "model, K 10 to 25 mm"), ("m", "model, K 18 mm"), ("p", "measured"))
-    aside = Panel(50 + 2 * (WIDTH + 10), "Kept aside, Harbin: atan(pull/load)")
-    aside.band(DING, 0.0097, 0.0131)
-    aside.curve("m", DING)
-    aside.curve("n", DING_SMOOTH)
-    aside.dots("p", DING)
-    aside.dots("q", DING_SMOOTH)
-    aside.legend(
-        ("b", "model, K 9.7 to 13.1 mm"), ("n", "model, smooth rim"),
-        ("q", "measured, smooth rim"), ("m", "model, lugs"), ("p", "measured, lugs"),
-    )  # fmt: skip
-    body = "\n".join(line for panel in (tilt, pull, aside) for line in panel.parts)
+    body = "\n".join(line for panel in panels for line in panel.parts)
     return (
-        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 960 340" role="img" '
-        'aria-label="Measured angles against slip for three wheels, and the curves of the model">\n'
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 960 680" role="img" '
+        'aria-label="Measured angles against slip for eleven sets, and the curves of the model">\n'
         f"<style>\n{STYLE}\n</style>\n"
-        f'<rect width="960" height="340" fill="#fff"/>\n{body}\n</svg>\n'
+        f'<rect width="960" height="680" fill="#fff"/>\n{body}\n</svg>\n'
     )

@@ -59,7 +59,7 @@ from terratool.traversability.results import (
 )
 from terratool.traversability.vehicle import MODELS, Vehicle
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 
 _GROUNDS = [one.label for one in wording.GROUNDS]
 Fractions = Annotated[dict[str, Share], each_of(_GROUNDS)]
@@ -113,7 +113,7 @@ class WheelKeys(Struct, frozen=True):
     grouser_height_m: Annotated[Metres, Meta(ge=0)]
     contact_length_m: Annotated[Metres, Meta(ge=0)]
     patch_pressure_kPa: Kilopascals | None
-    exit_ratio: Annotated[float, Meta(ge=0, lt=1)]
+    tread_m: Annotated[Metres, Meta(ge=0)]
     max_torque_Nm: NewtonMetres | None
     max_slip: Share
 
@@ -141,6 +141,7 @@ class MarginKeys(Struct, frozen=True):
     step_m: Metres
     tip_deg: Degrees
     slope_deg: Degrees
+    soil_deg: Degrees
 
 
 class ThresholdKeys(Struct, frozen=True):
