@@ -258,6 +258,14 @@ private:
         Toll old;
         for (i64 n = first + 1; n <= last; ++n) old += corners_[n].leg;
         for (i64 n = first; n <= last; ++n) old.cost += turn_at(n);
+        // what is longer as seen from above is longer over ground, too, or not worth a look
+        double seen = 0.0;
+        for (std::size_t k = 0; k <= size; ++k) {
+            Cell from = k ? cells[k - 1] : corners_[first].cell;
+            Cell to = k < size ? cells[k] : corners_[last].cell;
+            seen += std::hypot(double(to.row - from.row), double(to.column - from.column));
+        }
+        if (costs_.resolution * seen > old.length * (1.0 + 1e-9)) return false;
         i64 sign = corners_[last].sign;
         Toll found;
         std::array<Corner, size + 1> made;

@@ -159,6 +159,9 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         metavar="N",
         help="4, 8, … 64 at each place.  [default: 8; where they show no way more]",
     ),
+)
+@option_group(
+    "Samples of soils whose figures are ranges (256, seed 0), and what works",
     click.option(
         "--samples",
         type=click.IntRange(*SAMPLES[1:]),
@@ -179,6 +182,7 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         "--threads", type=click.IntRange(1), metavar="N", help="[default: one a processor]"
     ),
     dask_option("judge the ground"),
+    dense=True,
 )
 @wheel_options
 @overwrite_option()

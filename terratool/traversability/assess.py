@@ -79,9 +79,10 @@ _MAP = (
 )
 """Assumption of every report on its map."""
 _ROUTE = (
-    "A route goes from pixel to pixel, backs up, and turns on the spot; its time and energy are "
-    "sums over that, without acceleration and with motors that lose nothing. Turns are those on "
-    "level ground of the surface under the vehicle's middle."
+    "A route leads by straight legs between pixels, backs up, and turns on the spot, or by arcs if "
+    "it is that of a car; its time and energy are sums over that, without acceleration and with "
+    "motors that lose nothing. Turns on the spot are those on level ground of the surface under "
+    "the vehicle's middle."
 )
 """Assumption of reports on routes."""
 
