@@ -316,3 +316,13 @@ def test_maps_and_reach_count_a_cars_moves() -> None:
     # along the corridor alone, in lines: there is no room to change them
     for found in (lost, cells):
         assert found[0.0] == pytest.approx(found[1.0], rel=0.02) and found[8.0] < 0.2 * found[0.0]
+
+
+def test_a_way_that_only_runs_beside_another_is_no_alternative() -> None:
+    """On open ground there is none, round an island there is one."""
+    for blocks, count in (([], 0), ([(20, 14, 20, 12)], 1)):
+        wanted = Request(routes=((1.5, 5.0, 13.5, 5.0),), alternatives=2, mapped=False)
+        (route,) = assess(prepare_assessment(yard(blocks), car(0.8), wanted)).routes
+        assert route.found and len(route.alternatives) == count
+        for way in (route, *route.alternatives):
+            assert bends(way) >= 0.95 * 0.8

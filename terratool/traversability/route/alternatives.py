@@ -42,6 +42,7 @@ def find_alternatives(
     prefer: Preference,
     count: int,
     search: Callable[[Penalties], Route],
+    barred: Callable[[], NDArray[np.bool_]] | None = None,
 ) -> tuple[Route, ...]:
     """Alternatives to a route, `count` at most, the cheapest of what each search shows first.
 
@@ -57,6 +58,8 @@ def find_alternatives(
         prefer: the quantity that routes minimise.
         count: number of alternatives that are wanted.
         search: searches for the best way with factors on the costs of cells.
+        barred: cells where the vehicle cannot stand, some of which must lie between an alternative
+            and the best way; None where ways are pulled straight, which shows that, too.
     """
     penalties = np.ones((grid.height, grid.width), np.float32)
     beside = beside_way(best, grid, width)
@@ -76,6 +79,8 @@ def find_alternatives(
         if shared > SHARED or not _is_near(route, best, prefer):
             continue
         if _longest_detour(route, best, grid, width) > STRETCH:
+            continue
+        if barred is not None and not _goes_round(route, best, grid, barred()):
             continue
         found.append(replace(route, shared=shared))
         misses = 0
@@ -127,3 +132,15 @@ def _longest_detour(route: Route, best: Route, grid: Grid, width: float) -> floa
         left_out = abs(float(np.diff(best.profile.distance[near])[0]))
         worst = max(worst, own / max(left_out, width))
     return worst
+
+
+def _goes_round(route: Route, best: Route, grid: Grid, barred: NDArray[np.bool_]) -> bool:
+    """Whether cells, (height, width) bool, lie between two ways with the same ends."""
+    import shapely
+
+    profiles = [one.profile for one in (route, best) if one.profile is not None]
+    ways = [np.column_stack([one.x, one.y]) for one in profiles]
+    ring = shapely.make_valid(shapely.Polygon(np.concatenate([ways[0], ways[1][::-1]])))
+    rows, columns = np.nonzero(barred)
+    x, y = grid.columns(grid.whole)[columns], grid.rows(grid.whole)[rows]
+    return bool(shapely.contains_xy(ring, x, y).any())

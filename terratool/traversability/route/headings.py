@@ -110,7 +110,7 @@ class WayFinder:
     def all_go_longer(
         self, route: Route, start: Point, goal: Point, prefer: Preference = "time"
     ) -> float | None:
-        """How much longer the best way by margin is than a route, m, if it alone is go all along.
+        """Difference in length, m, of the best way by margin from a route, if it alone is all go.
 
         It takes another search, which is made where some of the route is caution; else None.
         """
@@ -138,8 +138,16 @@ class WayFinder:
             )
             return found.route()
 
-        width = 2.0 * self._vehicle.rectangle[2]
-        return find_alternatives(route, tiles.survey.grid, width, prefer, count, search)
+        width, grid = 2.0 * self._vehicle.rectangle[2], tiles.survey.grid
+        if not self._vehicle.turning_radius:
+            return find_alternatives(route, grid, width, prefer, count, search)
+
+        def barred() -> NDArray[np.bool_]:
+            return np.asarray((tiles.survey.verdict == Verdict.NO_GO).all(axis=0))
+
+        # ways of cars are not pulled straight, and so run beside each other where they could be one
+        width += 2.0 * self._vehicle.turning_radius
+        return find_alternatives(route, grid, width, prefer, count, search, barred)
 
     def check(self, waypoints: ArrayLike) -> Route:
         """Check waypoints as `check_route` does, by the fewest headings that show a way.
