@@ -60,6 +60,7 @@ def height_at(route: Route, x: float) -> float:
     return float(np.interp(x, route.profile.x, route.profile.y))
 
 
+@pytest.mark.slow
 def test_three_ways_round_two_islands() -> None:
     """Between them, below and above: no more, and each crosses elsewhere."""
     report = asked(yard(ISLANDS), routes=((1.5, 5.0, 13.5, 5.0),), alternatives=5)

@@ -298,6 +298,7 @@ def test_backing_up_is_used_where_there_is_no_room_ahead() -> None:
     assert (route.profile.heading[0], route.profile.heading[-1]) == (0.0, 180.0)
 
 
+@pytest.mark.slow
 def test_maps_and_reach_count_a_cars_moves() -> None:
     """A corner that it cannot get round cuts off what is behind it; reports say how it turns."""
     corner = yard([(0, 0, 34, 34)], 40, 40)
@@ -318,10 +319,13 @@ def test_maps_and_reach_count_a_cars_moves() -> None:
         assert found[0.0] == pytest.approx(found[1.0], rel=0.02) and found[8.0] < 0.2 * found[0.0]
 
 
+@pytest.mark.slow
 def test_a_way_that_only_runs_beside_another_is_no_alternative() -> None:
     """On open ground there is none, round an island there is one."""
     for blocks, count in (([], 0), ([(20, 14, 20, 12)], 1)):
-        wanted = Request(routes=((1.5, 5.0, 13.5, 5.0),), alternatives=2, mapped=False)
+        wanted = Request(
+            routes=((1.5, 5.0, 13.5, 5.0),), alternatives=1, mapped=False, resolution=0.2
+        )
         (route,) = assess(prepare_assessment(yard(blocks), car(0.8), wanted)).routes
         assert route.found and len(route.alternatives) == count
         for way in (route, *route.alternatives):

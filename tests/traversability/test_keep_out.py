@@ -188,6 +188,7 @@ def test_ways_keep_out(tmp_path: Path) -> None:
         assert not any(rectangle(ROVER, *place).intersects(POND.shape) for place in places)
 
 
+@pytest.mark.slow
 def test_a_barrier_names_its_zone() -> None:
     wall = Zone("cable", shapely.LineString([(6, -1), (6, 9)]).buffer(0.5))
     report = asked((POND, wall), routes=((1.0, 6.0, 10.5, 6.2),))
@@ -225,6 +226,7 @@ def test_shares_and_reach_are_those_of_what_is_left() -> None:
     assert free.summary is not None and Reason.KEEP_OUT not in free.summary.reasons
 
 
+@pytest.mark.slow
 def test_reports_show_them() -> None:
     report = asked((POND,), mapped=True, routes=((1.0, 4.0, 10.5, 4.2),))
     assert as_dict(report)["keep_out"] == [{"name": POND.name, "area_m2": 5.0}]

@@ -208,8 +208,9 @@ def test_each_metre_is_drivable_and_nothing_costs_more(
 ) -> None:
     """On random ground whose headings differ, on both sides of obstacles, ahead and backwards."""
     rng = np.random.default_rng(seed)
-    rows, columns = (int(side) for side in rng.integers(4, 15, 2))
-    signs = rng.choice([*".....c#"], (rows, columns))
+    rows, columns = (int(side) for side in rng.integers(4, 22, 2))
+    rare = float(rng.choice([0.02, 0.12]))  # open ground, whose ways are pulled far, and a thicket
+    signs = rng.choice([*".c#"], (rows, columns), p=[1.0 - 2.0 * rare, rare, rare])
     shape = (headings, rows, columns) if not alike else (rows, columns)
     survey = drawn(
         "\n".join("".join(row) for row in signs), headings=headings,
@@ -217,7 +218,7 @@ def test_each_metre_is_drivable_and_nothing_costs_more(
         energy=rng.uniform(5.0, 15.0, shape), utilisation=rng.uniform(0.2, 0.8, shape),
     )  # fmt: skip
     if not alike:
-        barred = rng.random(survey.verdict.shape) < 0.1
+        barred = rng.random(survey.verdict.shape) < 0.5 * rare
         survey.verdict[barred] = Verdict.NO_GO
     terrain = level(columns, rows)
     free = np.argwhere(drivable(survey).any(axis=0))
