@@ -263,6 +263,7 @@ class Terrain(ShownTerrain):
         waypoints: ArrayLike | str | Path | Sequence[ArrayLike | str | Path] = (),
         keep_out: str | Path | Sequence[str | Path] = (),
         model: Literal["slip", "paper"] = "slip",
+        margin: bool = False,
         report: str | Path | Sequence[str | Path] = (),
         map: str | Path | None = None,
         overwrite: bool = False,
@@ -278,6 +279,7 @@ class Terrain(ShownTerrain):
         dask: str | None = None,
         samples: int = 256,
         seed: int = 0,
+        height_error: tuple[float, float] | None = None,
         routes_of: str = "",
         start_of: str = "",
     ) -> ShownReport | ShownComparison:
@@ -618,6 +620,7 @@ class Definition:
         color: Sequence[int] | None = None,
         sonar_refl: float | None = None,
         shear_modulus: float | Sequence[float] | None = None,
+        rolling_resistance: float | Sequence[float] | None = None,
         void: bool | None = None,
         roughness: Mapping[str, Any] | None = None,
         x_ignore: str | Sequence[str] | None = None,

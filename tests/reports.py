@@ -11,9 +11,11 @@ import numpy as np
 from terratool.raster.grid import Grid
 from terratool.traversability.results import (
     Barrier,
+    ChargeUse,
     Extreme,
     Figures,
     GroundClass,
+    LoadSpan,
     Location,
     MapSummary,
     Preview,
@@ -25,7 +27,7 @@ from terratool.traversability.results import (
     TraversabilityReport,
     Verdict,
 )
-from terratool.traversability.vehicle import Axle, Overhang, Vehicle, Wheel
+from terratool.traversability.vehicle import Axle, Battery, Load, Overhang, Vehicle, Wheel
 
 NASTY = '<b>"& | `x` *y* _z_ [a](b) \\'
 LONG = "a very long name of a surface, which no table for a terminal could ever show " * 2
@@ -105,6 +107,8 @@ def profile(n: int = 200, found: bool = True) -> RouteProfile:
         105.0 + 25.0 * t, 202.0 + 10.0 * t, np.full(n, 68.0), 26.9 * t, np.sin(3.0 * t),
         0.004 + 0.004 * (t > 0.5), 0.2 * np.cos(3.0 * t), 0.0 * t, slip, 0.3 + 0.4 * t, verdict,
         np.where(verdict == 1, 0, 6).astype(np.uint8), ("sand",) * n, ("/elemTree",) * n,
+        np.full(n, -0.03), 0.8 * t,
+        0.7 - 0.2 * t, 1.0 + t, np.full(n, 0.05), 612.0 * t, 5230.0 * t,
     )  # fmt: skip
 
 
@@ -112,6 +116,15 @@ WAY = Route(
     place(105.0, 202.0), place(130.0, 212.0), True, True, Verdict.CAUTION, 27.3, 5230.0, 612.0,
     Extreme(-0.21, place()), Extreme(0.008, place(surface=NASTY)),
     Extreme(0.27, place(), Reason.SLIP), profile(), turning=830.0,
+    drift=Extreme(0.8, place(130.0, 212.0)), crab=Extreme(0.03, place()), drift_total=0.8,
+)  # fmt: skip
+CHARGED = replace(
+    WAY, charge=ChargeUse(5230.0, 0.82, 0.2), stop=Extreme(1.9, place()),
+    slowest=Extreme(0.02, place()), load=Load(25.0, 0.3, -0.05),
+)  # fmt: skip
+EMPTIED = replace(
+    CHARGED, verdict=Verdict.NO_GO, stop=Extreme(math.inf, place()),
+    charge=ChargeUse(5230.0, 1.3, 0.2, Extreme(20.5, place(124.0, 209.5))),
 )  # fmt: skip
 NO_WAY = Route(
     place(105.0, 202.0), place(130.0, 212.0, NASTY), False, True, Verdict.NO_GO,
@@ -129,6 +142,14 @@ BACK = Route(
 ONE_WAY = replace(
     WAY, one_way=True, against=NO_WAY.barriers[:1], back=BACK, verdict=Verdict.CAUTION
 )
+LADEN = replace(
+    ROVER, battery=Battery(6400.0, 0.2), efficiency=0.8, stopping_distance=1.5,
+    reaction_time=0.25, loads=(Load(20.0, 0.2), Load(25.0, 0.3, -0.05)),
+)  # fmt: skip
+SPAN = LoadSpan(
+    LADEN.loads[1], (None, math.radians(17.3)), (math.radians(9.0), math.radians(21.0)),
+    (0.031, 0.05),
+)  # fmt: skip
 NO_RETURN = replace(ONE_WAY, back=NO_WAY, verdict=Verdict.NO_GO)
 WAYPOINTS = Route(
     place(105.0, 202.0), place(130.0, 212.0), False, False, Verdict.NO_GO, None, math.inf, None,
@@ -183,6 +204,17 @@ KINDS: dict[str, TraversabilityReport] = {
     "one-way": report(routes=(ONE_WAY,), verdict=Verdict.CAUTION),
     "no-return": report(routes=(NO_RETURN,)),
     "lines": report(summary=None, preview=None, reach=None),
+    "charge": report(
+        vehicle=LADEN, routes=(CHARGED,), verdict=Verdict.CAUTION,
+        surfaces=(
+            replace(
+                SAND, rolling=0.02, energy=61.0, driving_range=84.0, braking=0.61,
+                stopping=0.012, speed_limit=0.05, loads=SPAN,
+            ),
+            replace(ROCK, stopping=math.inf, braking=0.0, speed_limit=0.0),
+        ),
+    ),
+    "emptied": report(vehicle=LADEN, routes=(EMPTIED,), verdict=Verdict.NO_GO),
     "map": report(routes=(), reach=None, verdict=Verdict.CAUTION),
     "wheel": report(vehicle=Vehicle.single(Wheel(0.2, 0.1), 100.0), routes=(), reach=None),
     "nothing": report(

@@ -80,6 +80,8 @@ def drawn(
         "sinkage": 0.0,
         "slip": 0.0,
         "energy": 10.0,
+        "crab": 0.0,
+        "reserve": 0.8,
     } | planes
     grid = Grid(*origin, resolution, *shape[1:])
     return Survey(

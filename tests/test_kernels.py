@@ -71,7 +71,7 @@ def known(kind: str) -> Any:
         soils = soil_table(TERRAIN, ROVER)
         return kernels.traversability.VehicleOnSoils(vehicle_params(ROVER), *soils)
     if kind == "VehicleOnSamples":
-        samples = SoilSamples(*np.ones((5, 70, len(TERRAIN.surfaces) + 1)))
+        samples = SoilSamples(*np.ones((6, 70, len(TERRAIN.surfaces) + 1)))
         return kernels.traversability.VehicleOnSamples(vehicle_params(ROVER), samples)
     plan, _ = plan_of(TERRAIN, 0.1)
     if kind == "Plan":

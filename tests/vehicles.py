@@ -17,12 +17,13 @@ LOPSIDED: Json = {
     "gravity": "mars",
     "wheels": {
         "radius": 0.2, "width": 0.1, "kind": "lugged", "grouserHeight": 0.015,
-        "contactLength": 0.09, "maxTorque": 30, "maxSlip": 0.8,
+        "contactLength": 0.09, "maxTorque": 30, "maxSlip": 0.8, "rollingResistance": 0.004,
     },
     "axles": [
         {
             "x": 0.4, "wheels": 1, "driven": False, "radius": 0.12, "width": 0.06, "kind": "tyre",
             "tyrePressure": 80, "carcassStiffness": 15, "contactLength": 0.07,
+            "rollingResistance": 0.03,
         },
         {"x": 2.0, "wheels": 4},
         {"x": -0.3, "driven": True, "grouserHeight": 0.025, "maxTorque": 45},
@@ -36,9 +37,15 @@ LOPSIDED: Json = {
     "steering": "wheels",
     "speed": 0.5,
     "power": 25,
+    "maxDrift": 0.4,
+    "efficiency": 0.75,
+    "battery": {"capacity": 480, "reserve": 0.2},
+    "stoppingDistance": 1.5,
+    "reactionTime": 0.25,
     "margins": {"clearance": 0.02, "step": 0.01, "tip": 10, "slope": 5},
     "classes": {
         "utilisation": 0.6, "slip": 0.1, "cautionSlip": 0.3, "torque": 0.5, "geometry": 0.8,
+        "drift": 7, "cautionDrift": 25,
     },
     "x-note": {"mass": None},
 }  # fmt: skip
@@ -168,6 +175,8 @@ def vehicles(draw: st.DrawFn) -> Json:
                         "cautionSlip": _numbers(0.5, 1),
                         "torque": share,
                         "geometry": share,
+                        "drift": _numbers(0.1, 10),
+                        "cautionDrift": _numbers(10, 89),
                     }
                 ),
             }

@@ -140,6 +140,18 @@ void mark_samples(
     judge_samples(on, stance, east, north, verdict, go);
 }
 
+void mark_uneven(
+    const VehicleOnSoils& plain, const VehicleOnSamples& on, const Stance& stance, double east,
+    double north, Matrix<const double> errors, Matrix<const i64> shift, Cube<u64> go
+) {
+    constexpr IndexCheck check_index{"judge_uneven"};
+    check_index(go.columns() == on.words, "the number of words");
+    check_index(errors.rows() > 0, "the number of errors");
+    check_index(i64(plain.soils.size()) == on.ids, "the number of soils");
+    for (i64 one : shift.flat()) check_index(one >= 0, "a shift");
+    judge_uneven(plain, on, stance, east, north, errors, shift, go);
+}
+
 }  // namespace
 
 template <> struct Argument<VehicleOnSoils> : KnownArgument<KeptVehicle> {
@@ -207,7 +219,7 @@ void bind_traversability(nb::module_ m) {
         {"load[n]", "soils", "pull[n]", "wheel", "out[n]"}
     );
     def<&towing>(
-        m, "towing", "Resistance of wheels without torque.", {"load[n]", "sinkage[n]", "wheel"}
+        m, "towing", "Resistance of wheels without torque.", {"load[n]", "soils", "wheel"}
     );
     def<&grips>(
         m, "grips", "What holds wheels at a slip.", {"load[n]", "soils", "slip[n]", "wheel"}
@@ -240,6 +252,10 @@ void bind_traversability(nb::module_ m) {
         m, "steepest", "The largest slope on a soil, and the reason that limits it.",
         {"across", "layout", "weight", "soil", "slip"}
     );
+    def<&crab_across>(
+        m, "crab_across", "The crab angle of a vehicle that drives across a slope.",
+        {"layout", "weight", "soil", "angle"}
+    );
     def<&turn_on_spot>(
         m, "turn_on_spot", "What it takes a vehicle to turn on the spot by a radian.",
         {"layout", "x[w]", "y[w]", "load[w]", "soil", "slip"}
@@ -256,6 +272,11 @@ void bind_traversability(nb::module_ m) {
     def<&mark_samples>(
         m, "judge_samples", "Mark the samples on which a vehicle with a heading goes, as bits.",
         {"vehicle", "stance", "east", "north", "verdict[h,w]", "go[h,w,k]"}
+    );
+    def<&mark_uneven>(
+        m, "judge_uneven",
+        "Mark the samples of soils and of errors of heights on which a vehicle goes, as bits.",
+        {"vehicle", "sampled", "stance", "east", "north", "errors[_,6]", "shift[h,w]", "go[h,w,k]"}
     );
     def<&count_samples>(
         m, "count_samples", "How many samples are marked at each place.", {"go[h,w,_]", "out[h,w]"}

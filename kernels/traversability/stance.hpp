@@ -170,6 +170,12 @@ public:
         return interpolate(at(i, j), at(i, j + 1), at(i + 1, j), at(i + 1, j + 1), *cell);
     }
 
+    // The state of the nearest slope of the table; none for slopes that are too steep.
+    const SlopeState* nearest(double along, double across) const {
+        auto cell = SlopeGrid::find(along, across, mirrored_);
+        return cell ? &at(cell->i + (cell->s > 0.5), cell->j + (cell->t > 0.5)) : nullptr;
+    }
+
 private:
     static constexpr int SIDE = SlopeGrid::SIDE;
 
@@ -313,28 +319,36 @@ template <class Visit> void visit_arguments(Verdicts& v, Visit visit) {
     visit("onward[h,w]", v.onward), visit("numbers[9,h,w]", v.numbers);
 }
 
+// How far heights that are not known exactly change what a vehicle stands on.
+struct HeightErrors {
+    double along = 0.0, across = 0.0;            // tangents of the slopes
+    double bump = 0.0, front = 0.0, rear = 0.0;  // m, above the plane under body and overhangs
+    double step = 0.0;                           // m
+};
+
 // What a vehicle's shape says at a reference point: `down` is as in `Gravity`, `limit` the highest
 // step.
 INLINE Judgement judge_shape(
     const Vehicle& v, const Stance& stance, i64 i, i64 j, double down, double limit,
-    const SlopeState& need
+    const SlopeState& need, const HeightErrors& off = {}
 ) {
     double shape = v.go_geometry;
     Judgement judged{Verdict::GO};
     judged.add(Reason::TIP_OVER, need.tipping, shape, false);
-    judged.add(Reason::STEP, share_of(stance.step(i, j), limit), shape, false);
+    double step = stance.step(i, j);
+    judged.add(Reason::STEP, share_of(step > 0.0 ? step + off.step : step, limit), shape, false);
     if (stance.rough(i, j) > 0.0f) {
         double share = share_of(stance.rough(i, j), v.roughness);
         judged.add(Reason::ROUGHNESS, share, shape, false);
     }
-    auto add_bump = [&](Heights rises, double room, Reason why) {
+    auto add_bump = [&](Heights rises, double more, double room, Reason why) {
         if (!(room < INF)) return;
-        double rise = max(0.0, double(rises(i, j))) * down + need.deepest;
+        double rise = max(0.0, double(rises(i, j)) + more) * down + need.deepest;
         judged.add(why, share_of(rise, room), shape, true);
     };
-    add_bump(stance.bump, v.clearance, Reason::HIGH_CENTRED);
-    add_bump(stance.front, v.front, Reason::APPROACH);
-    add_bump(stance.rear, v.rear, Reason::APPROACH);
+    add_bump(stance.bump, off.bump, v.clearance, Reason::HIGH_CENTRED);
+    add_bump(stance.front, off.front, v.front, Reason::APPROACH);
+    add_bump(stance.rear, off.rear, v.rear, Reason::APPROACH);
     return judged;
 }
 
@@ -345,6 +359,7 @@ INLINE void judge_soils(const Vehicle& v, const SlopeState& need, Judgement& jud
     judged.add(Reason::TORQUE, need.torque, v.go_torque, false);
     judged.add(Reason::SINKAGE, need.sunk, v.go_geometry, true);
     judged.add(Reason::SIDE_SLIP, need.sliding, v.go_geometry, false);
+    judged.add(Reason::DRIFT, need.crab / v.crab, v.go_crab, true);
 }
 
 // What the wheels stand on at the reference points, row by row.
@@ -419,7 +434,9 @@ void judge_points(
                 const Soil& soil = on.soils[footing.soil];
                 known = known && !isnan(soil.cohesion);
                 if (footing != footings[n]) footings[n] = footing, stale = true;
-                bool slips = wheels[n].wheel.slips && soil.shear_modulus > 0.0;
+                // on ground that does not yield slip without K counts as none
+                bool slips =
+                    wheels[n].wheel.slips && (soil.shear_modulus > 0.0 || soil.sinkage == 0.0);
                 vague = vague || (wheels[n].driven && !slips);
                 limit = min(limit, on.steps[footing.soil]);
             }

@@ -13,6 +13,7 @@
 //   x0 = (1 − sin θ0/θ0) min(X, STEADY)      the shear of rolling without slip
 //   S = A (C + N μ)                          along the rim
 //   W = N cos θm + S sin θm, DP = S cos θm − N sin θm, T = S r
+//   F = W max(c of the wheel, c of the ground)      rolling resistance: T pays F r, a towed wheel F
 //   cos θ1 = 1 − z/r, θ1 = θ0 + f s √(GROWTH² + acos(r/(r + h))²)      sinkage z as it slips
 //
 // Nc is Prandtl's bearing capacity factor (1920), so cohesion has a contact of W/(c Nc). A is
@@ -75,7 +76,8 @@ struct Wheel {
     double grouser_height = 0.0;  // h, of lugs over the rim, m
     double tread = 0.0;           // height of what grips the soil, m: lugs, or the tread of a tyre
     double max_torque = INF, max_slip = 1.0;
-    bool slips = true;  // the model `slip`; else `paper`
+    bool slips = true;     // the model `slip`; else `paper`
+    double rolling = 0.0;  // resistance of the wheel itself on hard ground, by its load
 };
 
 template <class Visit> void visit_arguments(Wheel& w, Visit visit) {
@@ -83,6 +85,7 @@ template <class Visit> void visit_arguments(Wheel& w, Visit visit) {
     visit("shear_length", w.shear_length), visit("patch_pressure", w.patch_pressure);
     visit("grouser_height", w.grouser_height), visit("tread", w.tread);
     visit("max_torque", w.max_torque), visit("max_slip", w.max_slip), visit("slips", w.slips);
+    visit("rolling", w.rolling);
 }
 
 struct Soil {
@@ -90,6 +93,7 @@ struct Soil {
     double tan_friction;   // tan φ
     double sinkage;        // k, m/N
     double shear_modulus;  // K, m; 0 where it is not known: all strength is mobilised at any slip
+    double rolling = 0.0;  // resistance of the ground beside that of sinking in, by a wheel's load
 };
 
 // What wheels have done to the ground: so many passes, of which the deepest was `first` deep when
@@ -108,20 +112,21 @@ struct Pressed {
 
 // Where a wheel touches the soil, and what all formulas take from it.
 struct Contact {
-    double rest;          // z0, m
-    double entry;         // θ0, in the model `paper` θ1
-    double digging;       // what θ1 grows by for a slip of 1, rad
-    double sine, cosine;  // of θm
-    double area;          // Q, m²: peaks of the stresses are forces by this
-    double arm;           // torque for each newton along the rim, m
-    double length;        // l, of what is sheared, m
-    double friction;      // μ
-    double cohesion;      // c, Pa
-    double shear_area;    // on which cohesion acts, m²: C = c times it
-    double grip;          // what holds a wheel that does not turn, N
-    double reach, still;  // X and x0; X is 0 where all strength acts whatever the slip
-    double softness;      // f, 0 in the model `paper`
-    double drag = 0.0;    // a further force backwards, N
+    double rest;           // z0, m
+    double entry;          // θ0, in the model `paper` θ1
+    double digging;        // what θ1 grows by for a slip of 1, rad
+    double sine, cosine;   // of θm
+    double area;           // Q, m²: peaks of the stresses are forces by this
+    double arm;            // torque for each newton along the rim, m
+    double length;         // l, of what is sheared, m
+    double friction;       // μ
+    double cohesion;       // c, Pa
+    double shear_area;     // on which cohesion acts, m²: C = c times it
+    double grip;           // what holds a wheel that does not turn, N
+    double reach, still;   // X and x0; X is 0 where all strength acts whatever the slip
+    double softness;       // f, 0 in the model `paper`
+    double rolling = 0.0;  // rolling resistance, at the rim, N: a motor pays for it, grip does not
+    double drag = 0.0;     // a further force backwards, N
 
     // z as the wheel slips.
     double sinkage(double slip, double radius) const {
@@ -214,6 +219,7 @@ INLINE Contact contact_sunk(double rest, double load, const Wheel& wheel, const 
         at.still = turned * min(at.reach, STEADY);
     }
     at.softness = soft;
+    at.rolling = load * max(wheel.rolling, soil.rolling);
     return at;
 }
 
@@ -255,8 +261,10 @@ INLINE RimForces forces_under(double load, double torque, const Contact& at) {
     return {(load - along * at.sine) / at.cosine, along};
 }
 
-// What a wheel without torque resists: R = W tan θm and what else drags, N.
-INLINE double towed(double load, const Contact& at) { return load * at.sine / at.cosine + at.drag; }
+// What a wheel without torque resists: R = W tan θm, rolling, and what else drags, N.
+INLINE double towed(double load, const Contact& at) {
+    return load * at.sine / at.cosine + at.rolling + at.drag;
+}
 
 // A driven wheel at its limit.
 struct Traction {
@@ -281,9 +289,12 @@ INLINE Traction
 traction(double load, const Contact& at, double share, double max_torque, double sinkage) {
     if (load == 0.0) return {share, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, sinkage, false};
     RimForces rim = forces_at(load, at, share);
-    double torque = rim.along * at.arm;
+    double torque = (rim.along + at.rolling) * at.arm;
     bool motor = max_torque < torque;
-    if (motor) rim = forces_under(load, torque = max_torque, at);
+    if (motor) {
+        torque = max_torque;
+        rim = forces_under(load, torque - at.rolling * at.arm, at);
+    }
     Stresses stress = rim.stresses(at);
     double thrust = rim.thrust(at), resistance = rim.resistance(at) + at.drag;
     return {share,  stress.normal, stress.shear, thrust, resistance, thrust - resistance,
@@ -310,7 +321,13 @@ INLINE Demand hold(double load, const Contact& at, double pull) {
     double strength = at.cohesion * at.shear_area + across * at.friction;
     if (load == 0.0) strength = 0.0;
     bool none = across < 0.0 || strength <= 0.0;
-    return {along * at.arm, along == 0.0 ? 0.0 : none ? INF : abs(along) / strength, 0.0, at.rest};
+    return {
+        (along + at.rolling) * at.arm,
+        along == 0.0 ? 0.0
+            : none   ? INF
+                     : abs(along) / strength,
+        0.0, at.rest
+    };
 }
 
 struct SideForce {
@@ -335,17 +352,18 @@ INLINE SideForce side_force(const Contact& at, double slip, double tangent) {
 
 // Soils, member by member.
 struct Soils {
-    In cohesion, tan_friction, sinkage, shear_modulus;
+    In cohesion, tan_friction, sinkage, shear_modulus, rolling;
 
     i64 size() const { return count_of(cohesion); }
     Soil operator[](std::size_t n) const {
-        return {cohesion[n], tan_friction[n], sinkage[n], shear_modulus[n]};
+        return {cohesion[n], tan_friction[n], sinkage[n], shear_modulus[n], rolling[n]};
     }
 };
 
 template <class Visit> void visit_arguments(Soils& s, Visit visit) {
     visit("cohesion[n]", s.cohesion), visit("tan_friction[n]", s.tan_friction);
     visit("sinkage[n]", s.sinkage), visit("shear_modulus[n]", s.shear_modulus);
+    visit("rolling[n]", s.rolling);
 }
 
 // What `one` makes of each of `count` numbers.
@@ -377,9 +395,9 @@ inline void tractions(
 }
 
 // Resistance of wheels without torque.
-inline std::vector<double> towing(In load, In rate, const Wheel& wheel) {
+inline std::vector<double> towing(In load, const Soils& soils, const Wheel& wheel) {
     return each(load.size(), [&](std::size_t n) {
-        return towed(load[n], contact_under(load[n], {0.0, 0.0, rate[n], 0.0}, wheel));
+        return towed(load[n], contact_under(load[n], soils[n], wheel));
     });
 }
 

@@ -9,7 +9,7 @@ namespace terratool::traversability {
 
 // Wheels, member by member.
 struct Wheels {
-    In radius, width, shear_length, patch_pressure, grouser_height, tread, max_torque;
+    In radius, width, shear_length, patch_pressure, grouser_height, tread, max_torque, rolling;
     bool slips;
 
     Wheel operator[](std::size_t n) const {
@@ -21,7 +21,8 @@ struct Wheels {
                 tread[n],
                 max_torque[n],
                 1.0,
-                slips};
+                slips,
+                rolling[n]};
     }
 };
 
@@ -29,7 +30,7 @@ template <class Visit> void visit_arguments(Wheels& w, Visit visit) {
     visit("radius[w]", w.radius), visit("width[w]", w.width);
     visit("shear_length[w]", w.shear_length), visit("patch_pressure[w]", w.patch_pressure);
     visit("grouser_height[w]", w.grouser_height), visit("tread[w]", w.tread);
-    visit("max_torque[w]", w.max_torque);
+    visit("max_torque[w]", w.max_torque), visit("rolling[w]", w.rolling);
     visit("slips", w.slips);
 }
 
@@ -54,6 +55,7 @@ struct Vehicle {
     In fit_along, fit_across;
     double weight, slip, slope_margin, soil_margin, clearance, front, rear, roughness;
     double go_traction, go_slip, go_torque, go_geometry;
+    double crab, go_crab;  // the smallest crab angle that is no-go, rad, and the share that is go
     Matrix<const double> factors;  // of k, by soil and wheel; none where all are 1
 };
 
@@ -66,6 +68,7 @@ template <class Visit> void visit_arguments(Vehicle& v, Visit visit) {
     visit("front", v.front), visit("rear", v.rear), visit("roughness", v.roughness);
     visit("go_traction", v.go_traction), visit("go_slip", v.go_slip);
     visit("go_torque", v.go_torque), visit("go_geometry", v.go_geometry);
+    visit("crab", v.crab), visit("go_crab", v.go_crab);
     visit("factors[_,w]", v.factors);
 }
 
@@ -432,6 +435,16 @@ inline double crab_tangent(LoadedWheels wheels, double across) {
         if (step <= enough * tangent) break;
     }
     return tangent;
+}
+
+// The crab angle of a vehicle that drives across a slope, rad; π/2 where its wheels do not hold it.
+inline double crab_across(const Layout& layout, double weight, const Soils& soil, double angle) {
+    auto wheels = wheels_on(layout, soil);
+    Gravity g = gravity(0.0, tan(angle));
+    load_wheels(wheels, layout, weight, g);
+    Drive drive = drive_wheels(wheels, 0.0);
+    if (!(drive.utilisation < 1.0 && drive.slip < 1.0)) return PI / 2.0;
+    return atan(crab_tangent(wheels, weight * abs(g.left)));
 }
 
 // What holds its wheels beyond what pulls them down a slope, and what limits them.

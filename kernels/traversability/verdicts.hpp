@@ -25,6 +25,7 @@ enum class Reason : u8 {
     APPROACH,
     ROUGHNESS,
     TURNING,
+    DRIFT,
     KEEP_OUT
 };
 
@@ -40,7 +41,7 @@ template <class Visit> void visit_enumerators(Reason, Visit visit) {
     visit("SLIP", SLIP), visit("SINKAGE", SINKAGE), visit("SIDE_SLIP", SIDE_SLIP);
     visit("TIP_OVER", TIP_OVER), visit("STEP", STEP), visit("HIGH_CENTRED", HIGH_CENTRED);
     visit("APPROACH", APPROACH), visit("ROUGHNESS", ROUGHNESS);
-    visit("TURNING", TURNING), visit("KEEP_OUT", KEEP_OUT);
+    visit("TURNING", TURNING), visit("DRIFT", DRIFT), visit("KEEP_OUT", KEEP_OUT);
 }
 
 // What follows from the measures so far.

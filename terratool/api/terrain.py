@@ -341,6 +341,7 @@ class UserTerrain(ShownTerrain):
         waypoints: ArrayLike | str | Path | Sequence[ArrayLike | str | Path] = (),
         keep_out: str | Path | Sequence[str | Path] = (),
         model: Literal["slip", "paper"] = "slip",
+        margin: bool = False,
         report: str | Path | Sequence[str | Path] = (),
         map: str | Path | None = None,  # noqa: A002 -- the option's name
         overwrite: bool = False,
@@ -356,6 +357,7 @@ class UserTerrain(ShownTerrain):
                 path of their file.
             keep_out: GeoJSON files of zones that nothing of the vehicle may enter.
             model: how wheel and soil are computed: with slip, or what the paper says.
+            margin: whether the error band of climbs on soft soil is kept in reserve.
             report: paths of reports to write: .json, .md, .html, .geojson or .svg.
             map: path of a .tif for the map; None for no map.
             overwrite: whether files may exist.
@@ -368,8 +370,11 @@ class UserTerrain(ShownTerrain):
         """
         from terratool.traversability.report.writing import JudgementFiles, assess_all
         from terratool.traversability.route.zones import read_keep_out
+        from terratool.traversability.soil import on_the_safe_side
 
         vehicles = [each.by_model(model) for each in _vehicles(vehicle)]
+        if margin:
+            vehicles = [on_the_safe_side(each) for each in vehicles]
         if not vehicles:
             raise RequestError("No vehicle is given.", "Give one, or several to compare them.")
         files = JudgementFiles(listed(report), map, overwrite)

@@ -23,7 +23,7 @@ from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
 
 # equal to those of terratool.viewing.layers, which is not imported for --help; a test checks
-LAYERS = ("height", "slope", "surface", "friction", "traversability")
+LAYERS = ("height", "slope", "surface", "friction", "traversability", "traversability-worst")
 
 
 class _Interval(click.ParamType[Any]):
@@ -77,7 +77,7 @@ def _refuse_interval(interval: float) -> None:
     click.option(
         "--vehicle",
         metavar="V.json",
-        help="The vehicle whose verdicts --layer traversability shows.",
+        help="The vehicle whose verdicts --layer traversability shows; with -worst, the worst.",
     ),
     click.option(
         "--bounds", nargs=4, type=float, metavar="W S E N", help="Rectangle of the world."

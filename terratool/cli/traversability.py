@@ -61,6 +61,11 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         metavar="WHAT",
         help="Of wheel and soil: slip, or what the paper says, 3.6.",
     ),
+    click.option(
+        "--margin",
+        is_flag=True,
+        help="Keep the error band of climbs on soft soil, up to 5°, in reserve.",
+    ),
 )
 @option_group(
     "Routes",
@@ -124,7 +129,7 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         "--map",
         "map_",
         metavar="OUT.tif",
-        help="Write the map, and beside it OUT-classes.tif and OUT-numbers.tif.",
+        help="Write the map; beside it OUT-worst.tif, -headings, -classes and -numbers.",
     ),
     click.option(
         "--fail-on",
@@ -159,9 +164,10 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         metavar="N",
         help="4, 8, … 64 at each place.  [default: 8; where they show no way more]",
     ),
+    dask_option("judge the ground"),
 )
 @option_group(
-    "Samples of soils whose figures are ranges (256, seed 0), and what works",
+    "Samples of soils that are ranges (256 unless told), their seed, and threads (one a processor)",
     click.option(
         "--samples",
         type=click.IntRange(*SAMPLES[1:]),
@@ -179,9 +185,15 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         help="Number that these samples follow from.",
     ),
     click.option(
+        "--height-error",
+        nargs=2,
+        type=float,
+        metavar="M M",
+        help="Of heights: standard deviation, and the length over which it is alike.",
+    ),
+    click.option(
         "--threads", type=click.IntRange(1), metavar="N", help="[default: one a processor]"
     ),
-    dask_option("judge the ground"),
     dense=True,
 )
 @wheel_options
@@ -194,6 +206,7 @@ SAMPLES = (256, 16, 1024)  # default, least, most
 def command(
     files: tuple[str, ...],
     model: str,
+    margin: bool,
     reports: tuple[str, ...],
     map_: str | None,
     routes: tuple[tuple[float, float, float, float], ...],
@@ -209,6 +222,7 @@ def command(
     headings: int | None,
     samples: int,
     seed: int,
+    height_error: tuple[float, float] | None,
     conditions: tuple[str, ...],
     formats: tuple[str, ...],
     config_file: str | None,
@@ -220,10 +234,9 @@ def command(
 ) -> int:
     """Say whether a vehicle can drive on a terrain, FILE, where not, and why.
 
-    For surfaces: how wheels sink, pull and climb. For places and headings: go, caution or no-go,
-    and what binds. Ends with 1 where a route has no way. Of several FILEs, or a DIR: a table.
-    --fail-on takes >, >=, < or <= and go-, caution-, no-go-, unknown-, one-way-, cut-off-, edge-,
-    reachable-fraction; route-length, route-time, route-energy; least-margin, steepest, sinkage.
+    Ends with 1 where a route has no way. Of several FILEs, or a DIR: a table. --fail-on takes >,
+    >=, < or <= and go-, caution-, no-go-, unknown-, one-way-, cut-off-, edge-, reachable-fraction;
+    route-length, route-time, route-energy; charge, least-margin, drift, steepest, sinkage.
     """
     from dataclasses import replace
     from pathlib import Path
@@ -237,6 +250,7 @@ def command(
     from terratool.traversability.report.writing import JudgementFiles
     from terratool.traversability.route.waypoints import read_waypoints
     from terratool.traversability.route.zones import read_keep_out
+    from terratool.traversability.soil import on_the_safe_side
 
     settings = project_settings(config_file)
     for text in conditions:
@@ -251,10 +265,12 @@ def command(
         alternatives=alternatives,
         keep_out=tuple(zone for path in keep_out for zone in read_keep_out(path)),
         bounds=bounds, headings=headings, samples=samples, seed=seed, threads=threads, dask=dask,
+        height_error=height_error,
     )  # fmt: skip
 
     def vehicles_of(paths: tuple[str, ...]) -> list[Vehicle]:
-        return [one.by_model(model) for one in vehicles_from({**values, "vehicle": paths})]
+        found = [one.by_model(model) for one in vehicles_from({**values, "vehicle": paths})]
+        return [on_the_safe_side(one) for one in found] if margin else found
 
     forms = formats + ("json",) * as_json
     if len(files) != 1 or is_folder(files[0]) or forms not in ((), ("text",), ("json",)):

@@ -46,6 +46,7 @@ from terratool.definition.sensor import CameraText, LidarText, NoiseText, Sensor
 from terratool.definition.tree import PARTS, ROOT, Tree, part_pointer
 from terratool.definition.vehicle import (
     AxleText,
+    BatteryText,
     ClassesText,
     CogText,
     MarginsText,
@@ -67,7 +68,7 @@ _SUBJECTS: dict[type, str] = {
     GridFile: "a grid file", SurfaceGrid: "a surface grid", Element: "an element", Track: "a track",
     VehicleText: "a vehicle", WheelsText: "the wheels", AxleText: "an axle",
     CogText: "the centre of gravity", OverhangText: "the overhang",
-    MarginsText: "the margins", ClassesText: "the classes",
+    BatteryText: "the battery", MarginsText: "the margins", ClassesText: "the classes",
     SensorText: "a sensor", NoiseText: "the noise", LidarText: "the lidar",
     CameraText: "the camera", SonarText: "the sonar",
     CurriculumText: "a spec of training tiles", PatchText: "a level place",

@@ -94,6 +94,11 @@ def reserve(what: str, unit: str, most: float = MOST) -> Key:
     return Key(f"{what} in {unit}, from 0 to {most:g}", "number", 0, most)
 
 
+def ranged(of: Key) -> Key:
+    """Key for a number as of another key, or for a range of such numbers."""
+    return structs.replace(of, words=f"{of.words}, or a range [low, high]", length=2)
+
+
 def share(what: str) -> Key:
     """Key for a number above 0 and up to 1."""
     return Key(f"{what}, above 0 and up to 1", "number", 0, 1, open_low=True)

@@ -13,7 +13,7 @@ from typing import Annotated, TypeVar
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
-from terratool.definition.key import FLAG, SCHEMA, TEXT, Key, Shape, choice, whole
+from terratool.definition.key import FLAG, SCHEMA, TEXT, Key, Shape, choice, ranged, whole
 from terratool.report.documents import one_of
 
 MAX_CELLS = 65536
@@ -56,7 +56,7 @@ GridRows = tuple[tuple[float | None, ...], ...]
 """Heights of a grid: rows from north to south, each from west to east; None is void."""
 SoilFigure = float | Pair
 """Figure of a soil: a number, or a range [low, high] in which every value is equally likely."""
-SOIL_FIGURES = ("cohesion", "fric_angle", "sinkage", "shear_modulus")
+SOIL_FIGURES = ("cohesion", "fric_angle", "sinkage", "shear_modulus", "rolling_resistance")
 """Attributes of a surface that may be ranges."""
 
 
@@ -116,6 +116,7 @@ class Surface(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", k
     color: tuple[int, int, int] | UnsetType = UNSET
     sonar_refl: float | UnsetType = UNSET
     shear_modulus: SoilFigure | UnsetType = UNSET
+    rolling_resistance: SoilFigure | UnsetType = UNSET
     void: bool | UnsetType = UNSET
     roughness: Roughness | UnsetType = UNSET
 
@@ -374,8 +375,7 @@ def _figure(
     open_high: bool = False,
 ) -> Key:
     """Key for a figure of a soil: a number, or a range of numbers."""
-    words = f"{what}, or a range [low, high]"
-    return Key(words, "number", low, high, open_low, open_high, length=2)
+    return ranged(Key(what, "number", low, high, open_low, open_high))
 
 
 _EVEN = "; or a range [low, high] in which every value is equally likely."
@@ -456,6 +456,12 @@ TERRAIN_KEYS: dict[Shape, dict[str, Key]] = {
         ),
         "shearModulus": _figure("a shear modulus in metres, above 0", 0, open_low=True).describe(
             "Shear deformation modulus K (Janosi-Hanamoto), metres" + _EVEN, 0.025, [0.01, 0.025],
+        ),
+        "rollingResistance": _figure(
+            "a coefficient, from 0 to below 1", 0, 1, open_high=True,
+        ).describe(
+            "Force over load with which this ground resists rolling, beside what sinking in takes"
+            + _EVEN, 0.013, [0.01, 0.02], default=0,
         ),
         "void": FLAG.describe(
             "There is no ground here: no height, a gap in meshes, nothing drives.", True,

@@ -23,6 +23,12 @@ IAGNEMMA = (
 SOURCEBOOK = "Heiken, Vaniman and French, Lunar Sourcebook, 1991, chapter 9"
 CHRONO = "Project Chrono, SynSCMTerrainAgent.h, InitializeParametersAsHard"
 NOON = "Noon, Engineering Analysis of Vehicular Accidents, 1994"
+CARVILL = "Carvill, Mechanical Engineer's Data Handbook, 1993"
+BOSCH = "Bosch, Automotive Handbook, coefficients of rolling resistance"
+MCKIBBEN = (
+    "McKibben and Davidson, Agricultural Engineering 20, 1939, as in Marks' Standard Handbook for "
+    "Mechanical Engineers"
+)
 
 
 class Preset(Struct, frozen=True):
@@ -38,6 +44,9 @@ class Preset(Struct, frozen=True):
         shear_modulus: shear deformation modulus K, m; 0 where unknown, as on hard ground.
         shear_source: source of K; it names the soil that was measured where that is another.
         source: source of the other figures.
+        rolling: coefficient of rolling resistance of tyres on hard ground; 0 where none was found,
+            and on soils, whose resistance follows from sinkage.
+        rolling_source: source of that coefficient.
     """
 
     descr: str
@@ -49,6 +58,8 @@ class Preset(Struct, frozen=True):
     shear_modulus: float = 0.0
     shear_source: str = ""
     source: str = WONG
+    rolling: float = 0.0
+    rolling_source: str = ""
 
     @property
     def is_hard(self) -> bool:
@@ -56,10 +67,16 @@ class Preset(Struct, frozen=True):
         return math.isinf(self.frictional)
 
 
-def _hard(descr: str, friction: float, source: str = f"{WONG}, table 1.3") -> Preset:
-    """Preset of ground on which tyres slide with a coefficient of friction."""
+def _hard(
+    descr: str, friction: float, rolling: float = 0.0, rolling_source: str = "",
+    source: str = f"{WONG}, table 1.3",
+) -> Preset:  # fmt: skip
+    """Preset of ground on which tyres slide with a coefficient of friction, and roll with one."""
     angle = round(math.degrees(math.atan(friction)), 1)
-    return Preset(descr, 1.0, 0.0, math.inf, 0.0, angle, source=source)
+    return Preset(
+        descr, 1.0, 0.0, math.inf, 0.0, angle, source=source, rolling=rolling,
+        rolling_source=rolling_source,
+    )  # fmt: skip
 
 
 _LOAM = f"{IAGNEMMA}: sandy loam"
@@ -99,12 +116,12 @@ PRESETS: dict[str, Preset] = {
     "lunar-nominal": Preset(
         "lunar soil, nominal", 1, 1.4, 820, 0.17, 35, 0.018, SOURCEBOOK, SOURCEBOOK
     ),
-    "concrete": _hard("dry concrete or asphalt", 0.75),
-    "asphalt-wet": _hard("wet asphalt", 0.45),
-    "gravel": _hard("a gravel road", 0.55),
-    "earth-road": _hard("an earth road, dry", 0.65),
-    "earth-road-wet": _hard("an earth road, wet", 0.4),
-    "grass-wet": _hard("wet grass", 0.2, NOON),
+    "concrete": _hard("dry concrete or asphalt", 0.75, 0.015, f"{CARVILL}: 0.01 new, 0.02 worn"),
+    "asphalt-wet": _hard("wet asphalt", 0.45, 0.02, f"{CARVILL}: worn asphalt"),
+    "gravel": _hard("a gravel road", 0.55, 0.02, f"{BOSCH}: rolled gravel"),
+    "earth-road": _hard("an earth road, dry", 0.65, 0.05, f"{BOSCH}: unpaved road"),
+    "earth-road-wet": _hard("an earth road, wet", 0.4, 0.08, f"{CARVILL}: medium hard soil"),
+    "grass-wet": _hard("wet grass", 0.2, 0.06, f"{MCKIBBEN}: bluegrass sod", NOON),
     "snow-packed": _hard("hard-packed snow", 0.15),
     "ice": _hard("ice", 0.07),
 }
@@ -132,6 +149,7 @@ def property_of(surface: Surface, attribute: str) -> Any:
         "fric_angle": preset.fric_angle,
         "shear_modulus": preset.shear_modulus or UNSET,
         "sinkage": 0.0 if preset.is_hard else UNSET,
+        "rolling_resistance": preset.rolling,
     }
     return known.get(attribute, UNSET)
 

@@ -7,6 +7,7 @@ vehicles that are computed with.
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import msgspec
 from msgspec import UNSET, Struct, UnsetType, structs
@@ -21,9 +22,11 @@ from terratool.definition.key import (
     Shape,
     choice,
     measure,
+    ranged,
     reserve,
     share,
 )
+from terratool.definition.model import Pair, ends_of
 
 GRAVITIES = {"earth": 9.80665, "mars": 3.71, "moon": 1.62}
 """Gravities that have a name, m/s²."""
@@ -33,7 +36,10 @@ KINDS = ("rigid", "lugged", "tyre")
 """Kinds of wheels: a smooth rim, a rim with lugs, and a tyre with or without lugs."""
 STEERINGS = ("skid", "wheels")
 """Ways to turn on the spot: wheels slide sideways, or are steered into their ways."""
-_OF_A_KIND = ("kind", "grouser_height", "tyre_pressure", "carcass_stiffness", "contact_length")
+_OF_A_KIND = (
+    "kind", "grouser_height", "tyre_pressure", "carcass_stiffness", "contact_length",
+    "rolling_resistance",
+)  # fmt: skip
 """Attributes that an axle does not take over from wheels of another kind."""
 
 
@@ -48,6 +54,7 @@ class WheelText(Struct, frozen=True, rename="camel", kw_only=True):
     carcass_stiffness: float | UnsetType = UNSET
     contact_length: float | UnsetType = UNSET
     max_torque: float | UnsetType = UNSET
+    rolling_resistance: float | UnsetType = UNSET
 
     @property
     def known_kind(self) -> str:
@@ -93,10 +100,10 @@ class AxleText(WheelText, frozen=True, rename="camel", kw_only=True):
 
 
 class CogText(Struct, frozen=True, rename="camel", kw_only=True):
-    """Centre of gravity."""
+    """Centre of gravity; ranges of its place go with different loads."""
 
-    x: float | UnsetType = UNSET
-    height: float | UnsetType = UNSET
+    x: float | Pair | UnsetType = UNSET
+    height: float | Pair | UnsetType = UNSET
 
 
 class OverhangText(Struct, frozen=True, rename="camel", kw_only=True):
@@ -125,6 +132,15 @@ class ClassesText(Struct, frozen=True, rename="camel", kw_only=True):
     caution_slip: float | UnsetType = UNSET
     torque: float | UnsetType = UNSET
     geometry: float | UnsetType = UNSET
+    drift: float | UnsetType = UNSET
+    caution_drift: float | UnsetType = UNSET
+
+
+class BatteryText(Struct, frozen=True, rename="camel", kw_only=True):
+    """Battery: its energy, and the share of it that is not to be used."""
+
+    capacity: float | UnsetType = UNSET
+    reserve: float | UnsetType = UNSET
 
 
 class VehicleText(Struct, frozen=True, rename="camel", kw_only=True):
@@ -132,7 +148,7 @@ class VehicleText(Struct, frozen=True, rename="camel", kw_only=True):
 
     schema: str | UnsetType = msgspec.field(default=UNSET, name="$schema")
     descr: str | UnsetType = UNSET
-    mass: float | UnsetType = UNSET
+    mass: float | Pair | UnsetType = UNSET
     gravity: float | str | UnsetType = UNSET
     wheels: WheelsText = WheelsText()
     axles: tuple[AxleText, ...] | UnsetType = UNSET
@@ -146,6 +162,11 @@ class VehicleText(Struct, frozen=True, rename="camel", kw_only=True):
     turning_radius: float | UnsetType = UNSET
     speed: float | UnsetType = UNSET
     power: float | UnsetType = UNSET
+    max_drift: float | UnsetType = UNSET
+    efficiency: float | UnsetType = UNSET
+    battery: BatteryText | UnsetType = UNSET
+    stopping_distance: float | UnsetType = UNSET
+    reaction_time: float | UnsetType = UNSET
     margins: MarginsText = MarginsText()
     classes: ClassesText = ClassesText()
 
@@ -183,9 +204,26 @@ class VehicleText(Struct, frozen=True, rename="camel", kw_only=True):
         return (max(xs), min(xs)) if xs else (math.nan, math.nan)
 
     @property
-    def cog_x(self) -> float:
-        """Position x of the centre of gravity, m; the middle of the wheelbase where absent."""
-        return 0.5 * sum(self.ends) if self.cog.x is UNSET else self.cog.x
+    def cog_ends(self) -> Pair:
+        """Least and largest x of the centre of gravity, m; the middle of the wheelbase if absent.
+
+        Both are NaN where no axle has an x.
+        """
+        return ends_of(0.5 * sum(self.ends) if self.cog.x is UNSET else self.cog.x)
+
+    @property
+    def loads(self) -> tuple[tuple[float, float, float], ...]:
+        """Mass, height and x of the centre of gravity at the corners of their ranges.
+
+        One where none of them is a range, and at most eight; empty where mass or height is absent.
+        """
+        if self.mass is UNSET or self.cog.height is UNSET:
+            return ()
+        masses, heights, places = (
+            tuple(dict.fromkeys(pair))
+            for pair in (ends_of(self.mass), ends_of(self.cog.height), self.cog_ends)
+        )
+        return tuple(product(masses, heights, places))
 
 
 # --- keys -----------------------------------------------------------------------------------------
@@ -195,7 +233,12 @@ MAX_AXLES = 16
 MAX_WHEELS = 16
 """Most wheels of an axle."""
 _ANGLE = Key("an angle in degrees, from 0 to below 90", "number", 0, 90, open_high=True)
+_DRIFT = Key(
+    "an angle in degrees, above 0 and below 90", "number", 0, 90, open_low=True, open_high=True
+)
 _X = Key("a position in metres, positive ahead, up to 1e6 in size", "number", -MOST, MOST)
+ROLLING = Key("a coefficient, from 0 to below 1", "number", 0, 1, open_high=True)
+"""Key for a coefficient of rolling resistance, force over load."""
 _WHEEL = {
     "radius": measure("a radius", "metres").describe(
         "Radius of the rim or the tyre, without lugs, m.", 0.1651,
@@ -225,6 +268,11 @@ _WHEEL = {
         "Largest torque at each driven wheel, behind the gear, N m. Without it, the soil "
         "alone limits the thrust.", 14,
     ),
+    "rollingResistance": ROLLING.describe(
+        "Force over load with which the wheel resists rolling, whatever it stands on: 0.02 of a "
+        "tyre if it is left out, 0 of a rigid rim. Where that of the ground is larger it counts.",
+        0.02,
+    ),
 }  # fmt: skip
 """Keys of the common wheels, and of the wheels of an axle."""
 
@@ -237,7 +285,10 @@ VEHICLE_KEYS: dict[Shape, dict[str, Key]] = {
         "descr": TEXT.describe(
             "What the vehicle is, in a line.", "Small rover, four wheels, skid steered", default="",
         ),
-        "mass": measure("a mass", "kg", 1e9).describe("Mass of the whole vehicle, kg.", 50),
+        "mass": ranged(measure("a mass", "kg", 1e9)).describe(
+            "Mass of the whole vehicle, kg; a range where its load differs, of which both ends are "
+            "judged.", 50, [50, 75],
+        ),
         "gravity": Key(
             "a gravity in m/s², from 1e-06 to 1e+06, or one of "
             + ", ".join(f'"{name}"' for name in GRAVITIES),
@@ -291,6 +342,25 @@ VEHICLE_KEYS: dict[Shape, dict[str, Key]] = {
             "Power that is drawn all the time, whether it drives or not, W; for the energy of a "
             "route.", 40, default=0,
         ),
+        "maxDrift": measure("a length", "metres").describe(
+            "How far it may drift downhill between two corners of a route, m; a route on which it "
+            "would drift farther is caution. Without it, there is no limit.", 0.5,
+        ),
+        "efficiency": share("an efficiency").describe(
+            "Share of the electrical power of motors that arrives at the wheels; nothing is gained "
+            "where they brake.", 0.7, default=1,
+        ),
+        "battery": Key("the battery, an object", "object").describe(
+            "What a charge holds, for ranges and for the charge that a route uses.",
+            {"capacity": 480}, {"capacity": 480, "reserve": 0.2},
+        ),
+        "stoppingDistance": measure("a distance", "metres").describe(
+            "Distance within which it is to stop anywhere, such as the range of its sensors, m. It "
+            "drives no faster than that allows.", 2,
+        ),
+        "reactionTime": reserve("a time", "seconds").describe(
+            "Time that it drives on before it brakes, s.", 0.2, default=0,
+        ),
         "margins": Key("the margins, an object", "object").describe(
             "What is kept in reserve: taken off each limit before anything is compared with it.",
             {"clearance": 0.02, "tip": 10}, default={},
@@ -326,11 +396,15 @@ VEHICLE_KEYS: dict[Shape, dict[str, Key]] = {
         ),
     },
     CogText: {
-        "x": _X.describe(
+        "x": ranged(_X).describe(
             "Where it lies, m, positive ahead, in the frame of the axles. The middle of the "
-            "wheelbase if it is left out; without axles, that is 0.", -0.02,
+            "wheelbase if it is left out; without axles, that is 0. A range, as of mass, if the "
+            "load may lie elsewhere.", -0.02, [-0.05, 0.05],
         ),
-        "height": measure("a height", "metres").describe("Its height over level ground, m.", 0.19),
+        "height": ranged(measure("a height", "metres")).describe(
+            "Its height over level ground, m; a range, as of mass, if the load may lie higher.",
+            0.19, [0.19, 0.3],
+        ),
     },
     OverhangText: {
         "front": measure("a length", "metres").describe(
@@ -346,6 +420,14 @@ VEHICLE_KEYS: dict[Shape, dict[str, Key]] = {
         ),
         "rearHeight": measure("a height", "metres").describe(
             "Height of that end over level ground, m; the clearance if it is left out.", 0.13,
+        ),
+    },
+    BatteryText: {
+        "capacity": measure("an energy", "Wh", 1e9).describe(
+            "Energy of a full charge, Wh.", 480,
+        ),
+        "reserve": Key("a share, from 0 to below 1", "number", 0, 1, open_high=True).describe(
+            "Share of a charge that is not to be used.", 0.2, default=0,
         ),
     },
     MarginsText: {
@@ -376,6 +458,14 @@ VEHICLE_KEYS: dict[Shape, dict[str, Key]] = {
         "geometry": share("a share of a limit").describe(
             "Share of a limit of shape (step, clearance, tip-over, cross-slope, breakover, "
             "approach) up to which it is go; caution up to all of it.", 0.8, default=0.7,
+        ),
+        "drift": _DRIFT.describe(
+            "Angle up to which it is go, degrees, by which it drifts downhill on a side slope.", 5,
+            default=10,
+        ),
+        "cautionDrift": _DRIFT.describe(
+            "Angle of drift up to which it is caution, degrees; no less than drift.", 20,
+            default=30,
         ),
     },
 }  # fmt: skip

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from terratool.definition.model import Definition, Roughness
 from terratool.field.records import RELIEF, FieldArrays
 
+FALLEN = 0.6773335943501266
+"""Distance at which the autocorrelation (1 - d²/R²)³ falls to 1/e, in radii R."""
 CELLS_PER_CORRELATION = 1.01600039152519
 """Lattice cells per correlation length. A bump has the radius 1.5 cells; the autocorrelation of
 bumps falls to 1/e at 0.6773335943501266 radii."""

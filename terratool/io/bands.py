@@ -20,7 +20,8 @@ class Bands:
         names: band names, in file order.
         units: unit of each band; "1" for a share or a ratio, empty for counts and categories.
         dtype: data type of all bands.
-        content: meaning of the pixels: "number", "surface", "color", "shade" or "class".
+        content: meaning of the pixels: "number", "surface", "color", "shade", "class" or
+            "bits".
         empty: nodata value of bands of numbers; NaN by default.
         means: averaging of each band: "number", "direction" in degrees, "vector" over all bands of
             that kind, or empty for none. Default: "number", but empty for surfaces and classes.

@@ -92,13 +92,11 @@ def demands(
     Shapes: load[n], pull[n], out[n].
     """
 
-def towing(
-    load: NDArray[np.float64], sinkage: NDArray[np.float64], wheel: Any
-) -> NDArray[np.float64]:
+def towing(load: NDArray[np.float64], soils: Any, wheel: Any) -> NDArray[np.float64]:
     """
     Resistance of wheels without torque.
 
-    Shapes: load[n], sinkage[n].
+    Shapes: load[n].
     """
 
 def grips(
@@ -165,6 +163,9 @@ def drive(
 def steepest(across: bool, layout: Any, weight: float, soil: Any, slip: float) -> dict[str, Any]:
     """The largest slope on a soil, and the reason that limits it."""
 
+def crab_across(layout: Any, weight: float, soil: Any, angle: float) -> float:
+    """The crab angle of a vehicle that drives across a slope."""
+
 def turn_on_spot(
     layout: Any,
     x: NDArray[np.float64],
@@ -206,6 +207,22 @@ def judge_samples(
     Mark the samples on which a vehicle with a heading goes, as bits.
 
     Shapes: verdict[h,w], go[h,w,k].
+    """
+
+def judge_uneven(
+    vehicle: VehicleOnSoils,
+    sampled: VehicleOnSamples,
+    stance: Any,
+    east: float,
+    north: float,
+    errors: NDArray[np.float64],
+    shift: NDArray[np.int64],
+    go: NDArray[np.uint64],
+) -> None:
+    """
+    Mark the samples of soils and of errors of heights on which a vehicle goes, as bits.
+
+    Shapes: errors[_,6], shift[h,w], go[h,w,k].
     """
 
 def count_samples(go: NDArray[np.uint64], out: NDArray[np.uint32]) -> None:

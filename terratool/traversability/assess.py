@@ -23,10 +23,18 @@ from terratool.report.numbers import coordinates, per_cent, pixels
 from terratool.report.wording import count_of, join_words
 from terratool.tasks import thread_count
 from terratool.text.display import quote
+from terratool.traversability.height_error import HeightError
 from terratool.traversability.keep_out import Zone, check_zones
 from terratool.traversability.map import MapBuilder, begin_of, default_resolution, stream_map
-from terratool.traversability.map_files import MapFiles, refuse_map
-from terratool.traversability.ranges import SAMPLES, Draws, draw, level_chances, soil_samples
+from terratool.traversability.map_files import MapExtent, MapFiles, refuse_map
+from terratool.traversability.ranges import (
+    SAMPLES,
+    Draws,
+    case_samples,
+    draw,
+    level_chances,
+    share_error,
+)
 from terratool.traversability.results import (
     FINER_HEADINGS,
     RANKS,
@@ -41,6 +49,7 @@ from terratool.traversability.results import (
 )
 from terratool.traversability.route.alternatives import MOST as MOST_ALTERNATIVES
 from terratool.traversability.route.barriers import BlockedPlace, RouteSite, blocked_place
+from terratool.traversability.route.charge import with_charge
 from terratool.traversability.route.graph import Preference, check_preference, drivable, turnable
 from terratool.traversability.route.headings import (
     Progress,
@@ -58,7 +67,12 @@ from terratool.traversability.route.routes import (
     with_way_back,
 )
 from terratool.traversability.soil import ASSUMPTIONS, BY_MODEL, surface_figures, turnings
-from terratool.traversability.survey import Surveyor, parts_of, refuse_headings
+from terratool.traversability.survey import (
+    Surveyor,
+    Uncertainty,
+    parts_of,
+    refuse_headings,
+)
 from terratool.traversability.tiles import SurveyTiles, part_of, survey_window
 from terratool.traversability.vehicle import Vehicle
 
@@ -80,8 +94,8 @@ _MAP = (
 """Assumption of every report on its map."""
 _ROUTE = (
     "A route leads by straight legs between pixels, backs up, and turns on the spot, or by arcs if "
-    "it is that of a car; its time and energy are sums over that, without acceleration and with "
-    "motors that lose nothing. Turns on the spot are those on level ground of the surface under "
+    "it is that of a car; its time and energy are sums over that, without acceleration, and with "
+    "the vehicle's efficiency. Turns on the spot are those on level ground of the surface under "
     "the vehicle's middle."
 )
 """Assumption of reports on routes."""
@@ -117,6 +131,8 @@ class Request:
             processes as threads; None for none.
         samples: number of samples of the soils, where their figures are ranges.
         seed: seed of the generator that draws the samples.
+        height_error: standard deviation of the terrain's heights and the length over which their
+            errors are correlated, m, for probabilities of go; None for exact heights.
         routes_of, start_of: where routes and start were asked for, in words; empty for the user.
     """
 
@@ -136,8 +152,14 @@ class Request:
     dask: str | None = None
     samples: int = SAMPLES
     seed: int = 0
+    height_error: tuple[float, float] | None = None
     routes_of: str = ""
     start_of: str = ""
+
+    @property
+    def heights(self) -> HeightError | None:
+        """Errors of the terrain's heights; None for exact ones."""
+        return None if self.height_error is None else HeightError(*self.height_error)
 
     @property
     def travels(self) -> bool:
@@ -252,11 +274,14 @@ def prepare_assessment(
     check_places(request, terrain.bounds)
     check_zones(request.keep_out, terrain.bounds)
     draws = draw(terrain, request.samples, request.seed)
+    if (off := request.heights) is not None:
+        off.check()
     grid, routes, headings, notes = _grids(terrain, vehicle, request, map_path is not None)
     if map_path is not None:
-        refuse_map(terrain, grid, draws is not None, Path(map_path), overwrite)
-    samples = None if draws is None else soil_samples(terrain, vehicle, draws)
-    own = samples, request.keep_out
+        chances = draws is not None or request.height_error is not None
+        extent = MapExtent(grid, chances, headings)
+        refuse_map(terrain, extent, Path(map_path), overwrite)
+    own = uncertainty(terrain, vehicle, draws, request), request.keep_out
     surveyor, shared = Surveyor(terrain, vehicle, grid, headings, *own), routes == grid
     builder = ways = None
     if request.maps:
@@ -269,6 +294,16 @@ def prepare_assessment(
         finer = () if request.headings else finer_headings(routes, headings)
         ways = WayFinder(terrain, vehicle, tiles, finer, threads=request.threads)
     return PreparedRequest(terrain, vehicle, request, surveyor, builder, ways, tuple(notes), draws)
+
+
+def uncertainty(
+    terrain: Terrain, vehicle: Vehicle, draws: Draws | None, request: Request
+) -> Uncertainty | None:
+    """Sampled soils and errors of heights that a request asks for; None where all is exact."""
+    if draws is None and request.height_error is None:
+        return None
+    fixed = draws or Draws(request.samples, request.seed, {}, ())
+    return Uncertainty(case_samples(terrain, vehicle, fixed), request.heights, request.seed)
 
 
 class _Grids(NamedTuple):
@@ -497,13 +532,24 @@ def assess(
             *_alternatives_note(prepared.request, routes),
             *_zones_note(request.keep_out),
             *_sampling_note(draws),
+            *_heights_note(request),
+            *_loads_note(vehicle),
         ),
         geojson=geojson_head(terrain),
-        sampling=None
-        if draws is None
-        else Sampling(draws.samples, draws.seed, draws.error, draws.ranges),
+        sampling=_sampling(draws, request),
         keep_out=request.keep_out,
     )
+
+
+def _sampling(draws: Draws | None, request: Request) -> Sampling | None:
+    """Record of samples for reports; None where there were none."""
+    off = request.heights
+    if draws is None and off is None:
+        return None
+    error = share_error(request.samples)
+    ranges = () if draws is None else draws.ranges
+    heights = (None, None) if off is None else (off.deviation, off.correlation)
+    return Sampling(request.samples, request.seed, error, ranges, *heights)
 
 
 class _MapResult(NamedTuple):
@@ -524,9 +570,8 @@ def _judge_map(
         return None
     threads, files = thread_count(prepared.request.threads), None
     if map_path is not None:
-        files = MapFiles(
-            stack, terrain, builder.grid, builder.sampled, Path(map_path), overwrite, threads
-        )
+        extent = MapExtent(builder.grid, builder.sampled, builder.headings)
+        files = MapFiles(stack, terrain, extent, Path(map_path), overwrite, threads)
     with crew_of(prepared.request.dask, threads) as crew:
         if prepared.shares_survey:
             assert prepared.tiles is not None
@@ -546,7 +591,7 @@ def _judge_map(
     if files:
         if progress:
             progress.say("writing the map")
-        files.finish(classes)
+        files.finish(classes, builder.worst_classes(classes), builder.bits)
     reach = None
     if start is not None:
         blocked = None if found.reached.any() else _blocked_start(prepared, start)
@@ -584,7 +629,7 @@ def _plan_routes(prepared: PreparedRequest, progress: Progress | None) -> tuple[
             route = beside(route, *there)
         if request.returns and route.found:
             route = with_way_back(route, find(*back))
-        found.append(route)
+        found.append(with_charge(route, prepared.vehicle, prepared.terrain))
     return tuple(found)
 
 
@@ -646,6 +691,28 @@ def _sampling_note(draws: Draws | None) -> Iterator[str]:
         f"{per_cent(draws.error, 2)} 19 times of 20 at worst; as samples are stratified, mostly "
         "by less."
     )
+
+
+def _heights_note(request: Request) -> Iterator[str]:
+    """A note on errors of heights."""
+    error = request.heights
+    if error is not None:
+        yield (
+            f"Heights are off by {error.deviation:.4g} m (standard deviation), and their errors "
+            f"are correlated over {error.correlation:.4g} m: probabilities of go are shares of "
+            f"{request.samples} samples (seed {request.seed}), off by up to "
+            f"{per_cent(share_error(request.samples), 2)}. Verdicts and routes are those of the "
+            "heights as they are."
+        )
+
+
+def _loads_note(vehicle: Vehicle) -> Iterator[str]:
+    """A note on the loads that were judged."""
+    if vehicle.loads:
+        yield (
+            f"The vehicle is judged with {len(vehicle.loads)} loads, the ends of its ranges of "
+            "mass and centre of gravity; at each place the worst verdict of all counts."
+        )
 
 
 def verdict_of(summary: MapSummary | None, routes: Sequence[Route]) -> Verdict:

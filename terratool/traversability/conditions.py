@@ -96,8 +96,10 @@ FIGURES: dict[str, _Figure] = {
     ),
     "route-length": _Figure(_along(lambda route: route.length), "route", " m"),
     "route-time": _Figure(_along(lambda route: route.time), "route", " s"),
+    "charge": _Figure(_along(lambda route: route.charge.share if route.charge else None), "route"),
     "route-energy": _Figure(_along(lambda route: route.energy), "route", " J"),
     "least-margin": _Figure(_along(lambda route: route.tightest), "route"),
+    "drift": _Figure(_along(lambda route: route.drift), "route", " m"),
     "steepest": _Figure(_along(_steepest), "route", "°"),
     "sinkage": _Figure(_sinkage, unit=" m"),
 }

@@ -31,6 +31,8 @@ class CellVerdict:
         grid: the cells.
         classes: (height, width) uint8 `GroundClass`, rows from the north; UNKNOWN where there is no
             ground.
+        worst: (height, width) uint8, the same with the verdict of the worst heading where `classes`
+            has a verdict.
         lacking: sentences on surfaces without a soil; empty where all have one.
         facts: the vehicle's file, the resolution and the cells by class, for a manifest.
     """
@@ -38,6 +40,7 @@ class CellVerdict:
     vehicle: str
     grid: Grid
     classes: NDArray[np.uint8]
+    worst: NDArray[np.uint8]
     lacking: str
     facts: Mapping[str, Any]
 
@@ -148,4 +151,5 @@ class Judge:
         facts = {
             "vehicle": dict(self.file), "judged_resolution": grid.resolution, "classes": by_class,
         }  # fmt: skip
-        return CellVerdict(vehicle.name, grid, classes, lacking, facts)
+        worst = builder.worst_classes(classes)
+        return CellVerdict(vehicle.name, grid, classes, worst, lacking, facts)

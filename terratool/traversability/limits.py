@@ -29,6 +29,7 @@ class WheelArrays(NamedTuple):
         grouser_height: height h of lugs, m.
         tread: height of what grips the soil, m.
         max_torque: largest torque of the motor, N m; infinity where it is not limited.
+        rolling: coefficient of rolling resistance of the wheel itself.
         slips: whether slip counts, for all wheels.
     """
 
@@ -39,6 +40,7 @@ class WheelArrays(NamedTuple):
     grouser_height: NDArray[np.float64]
     tread: NDArray[np.float64]
     max_torque: NDArray[np.float64]
+    rolling: NDArray[np.float64]
     slips: bool
 
     @classmethod
@@ -238,6 +240,17 @@ def side_slip(vehicle: Vehicle, soil: Soil) -> SteepestSlope:
     return _steepest(vehicle, soil, True, 1.0)
 
 
+def crab_angle(vehicle: Vehicle, soil: Soil, slope: float) -> float:
+    """The crab angle of a vehicle that drives across a slope, rad each.
+
+    By it a vehicle heads uphill of where it moves, so that its wheels, as they slide sideways,
+    hold m g sin β: Σ q X/(q X + 2) (C + W μ) (1 − s) tan ε/q = m g sin β, ε the crab angle. It is
+    0 where slip is not known, and π/2 where the wheels do not hold the vehicle.
+    """
+    layout, soils = wheel_layout(vehicle), under_wheels(soil)
+    return kernels.crab_across(layout, vehicle.weight, soils, slope)
+
+
 def _steepest(vehicle: Vehicle, soil: Soil, across: bool, slip: float) -> SteepestSlope:
     """The steepest slope, across or straight up, with slips up to `slip`."""
     layout, soils = wheel_layout(vehicle), under_wheels(soil)
@@ -302,6 +315,7 @@ class SlopeDemand(NamedTuple):
         sinkage: sinkage of a wheel, m.
         depth: sinkage of a wheel as a share of its radius.
         lifts: whether any wheel bears no load.
+        energy: energy of all wheels for a metre of ground, J.
     """
 
     torque: float
@@ -311,6 +325,7 @@ class SlopeDemand(NamedTuple):
     sinkage: float
     depth: float
     lifts: bool
+    energy: float
 
     @property
     def drives(self) -> bool:
@@ -331,7 +346,7 @@ def slope_demand(vehicle: Vehicle, soil: Soil, slope: float = 0.0) -> SlopeDeman
     return SlopeDemand(
         need["torque"], need["torque_used"], need["utilisation"], need["slip"],
         float(sinkage.max()), float(np.max(sinkage / layout.wheels.radius)),
-        bool((loads <= 0.0).any()),
+        bool((loads <= 0.0).any()), need["power"],
     )  # fmt: skip
 
 

@@ -78,10 +78,10 @@ def map_bands(measures: WindowMeasures, inside: NDArray[np.bool_]) -> MapBands:
         return np.asarray(np.take_along_axis(values, heading, axis=0)[0])
 
     along, across = (measures.numbers[:, n] for n in (kernels.PITCH, kernels.ROLL))
-    drives = (measures.verdict == Verdict.GO) | (measures.verdict == Verdict.CAUTION)
+    go = measures.verdict == Verdict.GO
     verdict = at(best, measures.verdict)
     bands = (
-        drives.sum(axis=0),
+        (go | (measures.verdict == Verdict.CAUTION)).sum(axis=0),
         np.minimum(at(best, share), MOST),
         np.minimum(at(worst, share), MOST),
         *(np.degrees(at(heading, slope)) for heading in (best, worst) for slope in (along, across)),
@@ -92,9 +92,11 @@ def map_bands(measures: WindowMeasures, inside: NDArray[np.bool_]) -> MapBands:
         np.fmax.reduce(measures.numbers[:, kernels.SINKAGE]),
         np.fmin.reduce(measures.numbers[:, kernels.DRAWBAR]),
         np.fmin.reduce(measures.numbers[:, kernels.RESERVE]),
+        go.sum(axis=0),
+        *(np.degrees(at(heading, measures.numbers[:, kernels.CRAB])) for heading in (best, worst)),
     )
     numbers = np.stack(bands).astype(np.float32)
-    reserve_band = numbers[-1]
+    reserve_band = numbers[-4]
     reserve_band[reserve_band >= np.float32(math.pi)] = np.nan
     np.degrees(reserve_band, out=reserve_band)
     if measures.chance is not None:
@@ -195,7 +197,7 @@ def _thinned(window: Window, stride: int) -> tuple[NDArray[np.int64], NDArray[np
 class MapBuilder:
     """A map that is built from windows, in any order.
 
-    Memory is 6 bytes for each pixel, two bytes more for over 8 headings; 61 bytes where all bands
+    Memory is 6 bytes for each pixel, two bytes more for over 8 headings; 73 bytes where all bands
     are kept, and 4 more where soils are sampled.
 
     Args:
@@ -212,7 +214,7 @@ class MapBuilder:
         flat = (grid.height, grid.width)
         self._surveyor = surveyor
         self.terrain, self.grid, self.headings = terrain, grid, surveyor.headings
-        self.sampled = surveyor.samples is not None
+        self.sampled = surveyor.uncertainty is not None
         self.kept = empty_bands(flat, self.sampled) if keep else None
         self.chance = np.full(flat, np.nan, np.float32) if self.sampled else None
         self.reason = np.zeros(flat, np.uint8)
@@ -260,7 +262,15 @@ class MapBuilder:
             self._heights,
             classes[::stride, ::stride],
             "" if self.terrain.crs is None else shown_crs(self.terrain.crs).strip('"'),
+            self.worst_classes(classes)[::stride, ::stride],
+            (self.bits | self.onward)[::stride, ::stride],
+            self.headings,
         )
+
+    def worst_classes(self, classes: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Classes with the verdict of the worst heading where they are verdicts of the best."""
+        judged = classes <= GroundClass.NO_GO
+        return np.asarray(np.where(judged, self.worst, classes), np.uint8)
 
     def classes(
         self, begin: Bits | None, area: float, progress: Callable[[float], object] | None = None
@@ -336,8 +346,7 @@ class MapBuilder:
         """
         ground, names = self.ground, ("", *self.terrain.surfaces)
         counted = self.counted(classes)
-        here, judged = classes[ground], classes <= GroundClass.NO_GO
-        worst = np.where(judged, self.worst, classes)[ground]
+        here, worst = classes[ground], self.worst_classes(classes)[ground]
         shape = (len(names), len(GroundClass))
         pairs = self.surfaces[ground].astype(np.int64) * len(GroundClass) + here
         count = np.bincount(pairs, minlength=math.prod(shape)).reshape(shape)

@@ -23,12 +23,17 @@ from terratool.raster.formats import raster_format
 from terratool.raster.geotiff import RasterExtent, crs_of, terrain_tiff
 from terratool.raster.grid import Grid, Window
 from terratool.raster.statistics import band_statistics
-from terratool.traversability.results import COLORS, GroundClass, Reason, Verdict
+from terratool.traversability.results import COLORS, HEADINGS, GroundClass, Reason, Verdict
+from terratool.traversability.route.reach import bits_type
 from terratool.traversability.tiles import part_of
 
 CLASS = "class"
+DRIVABLE = "headings that are go or caution, bit by bit"
+"""Name of the band whose bit i, the lowest is 0, is heading i, clockwise from north."""
 
 VERDICT = Bands(("verdict, best heading",), ("",), np.dtype(np.uint8), CLASS)
+WORST = Bands(("verdict, worst heading",), ("",), np.dtype(np.uint8), CLASS)
+"""Band of `GroundClass`, with the verdict of the worst heading where `VERDICT` has a verdict."""
 CLASSES = Bands(
     ("verdict, worst heading", "reason, best heading", "reason, worst heading"),
     ("",) * 3, np.dtype(np.uint8), CLASS,
@@ -48,6 +53,9 @@ _NUMBERS = {
     "sinkage, deepest": "m",
     "drawbar pull left, least": "N",
     "tip-over margin, least": "degree",
+    "headings that are go": "",
+    "drift angle, best heading": "degree",
+    "drift angle, worst heading": "degree",
 }
 NUMBERS = Bands(tuple(_NUMBERS), tuple(_NUMBERS.values()), np.dtype(np.float32))
 """Slopes are positive nose up and left side up."""
@@ -56,13 +64,14 @@ CHANCES = Bands(
 )
 """Bands of the file `-numbers` where figures of soils are ranges: `NUMBERS` and a probability."""
 
-_SUFFIXES = ("", "-classes", "-numbers")
+_SUFFIXES = ("", "-worst", "-headings", "-classes", "-numbers")
 """Endings of the stems of a map's files, in the order of `_files`."""
 
 
-def _files(sampled: bool) -> tuple[Bands, ...]:
-    """Bands of each file of a map, for soils that are `sampled` or not."""
-    return VERDICT, CLASSES, CHANCES if sampled else NUMBERS
+def _files(sampled: bool, headings: int = HEADINGS) -> tuple[Bands, ...]:
+    """Bands of each file of a map, for soils that are `sampled` or not, by number of headings."""
+    mask = Bands((DRIVABLE,), ("",), bits_type(headings), "bits", 0.0, ("",))
+    return VERDICT, WORST, mask, CLASSES, CHANCES if sampled else NUMBERS
 
 
 class MapBands(NamedTuple):
@@ -81,13 +90,22 @@ class MapBands(NamedTuple):
 
 def empty_bands(flat: tuple[int, int], sampled: bool) -> MapBands:
     """Uninitialised bands of a (height, width) window, for soils that are `sampled` or not."""
-    return MapBands(*(np.empty((file.count, *flat), file.dtype) for file in _files(sampled)))
+    files = VERDICT, *_files(sampled)[-2:]
+    return MapBands(*(np.empty((file.count, *flat), file.dtype) for file in files))
 
 
 def map_paths(path: str | Path) -> list[Path]:
-    """Paths of a map's files: verdicts of the best headings, other classes, numbers."""
+    """Paths of a map's files: best headings, worst headings, bits of headings, classes, numbers."""
     path = Path(path)
     return [path.with_name(f"{path.stem}{suffix}{path.suffix}") for suffix in _SUFFIXES]
+
+
+class MapExtent(NamedTuple):
+    """Pixels of a map, whether they have a probability of go, and their number of headings."""
+
+    grid: Grid
+    sampled: bool
+    headings: int = HEADINGS
 
 
 class MapFiles:
@@ -96,8 +114,7 @@ class MapFiles:
     Args:
         stack: exit stack at whose end, unless it fails, the files take their places.
         terrain: the ground.
-        grid: pixels of the map.
-        sampled: whether pixels have a probability of go.
+        surveyed: pixels of the map, and what is known of them.
         path: path of the verdicts, a .tif.
         overwrite: whether the files may exist already.
         threads: number of threads that compress.
@@ -109,37 +126,38 @@ class MapFiles:
     """
 
     def __init__(
-        self, stack: contextlib.ExitStack, terrain: Terrain, grid: Grid, sampled: bool,
-        path: Path, overwrite: bool, threads: int,
+        self, stack: contextlib.ExitStack, terrain: Terrain, surveyed: MapExtent, path: Path,
+        overwrite: bool, threads: int,
     ) -> None:  # fmt: skip
-        refuse_map(terrain, grid, sampled, path, overwrite)
-        self._grid, extent = grid, RasterExtent(terrain, grid)
+        refuse_map(terrain, surveyed, path, overwrite)
+        self._grid, extent = surveyed.grid, RasterExtent(terrain, surveyed.grid)
+        files = _files(surveyed.sampled, surveyed.headings)
         parts = [
             stack.enter_context(whole_file(name, overwrite, COMPANIONS, named=name == path))
             for name in map_paths(path)
         ]
         self._files = [
             stack.enter_context(_cog(part, extent, bands, threads))
-            for part, bands in zip(parts, _files(sampled), strict=True)
+            for part, bands in zip(parts, files, strict=True)
         ]
-        self._statistics = [BandStatistics()] * _files(sampled)[-1].count
+        self._statistics = [BandStatistics()] * files[-1].count
 
     def write(self, window: Window, bands: MapBands) -> None:
         """Write the classes and numbers of a window; windows come in order, row by row."""
-        for file, pixels in zip(self._files[1:], bands[1:], strict=True):
+        for file, pixels in zip(self._files[-2:], bands[1:], strict=True):
             file.write(pixels, window.row, window.column)
         found = map(band_statistics, bands.numbers)
         self._statistics = list(map(operator.add, self._statistics, found))
 
-    def finish(self, classes: NDArray[np.uint8]) -> None:
-        """Write what each pixel is."""
+    def finish(self, *planes: NDArray[Any]) -> None:
+        """Write classes by the best heading, by the worst, and the bits of headings."""
         for window in self._grid.windows(TILE, TILE):
-            pixels = classes[None, *part_of(window)]
-            self._files[0].write(pixels, window.row, window.column)
+            for file, plane in zip(self._files, planes, strict=False):
+                file.write(plane[None, *part_of(window)], window.row, window.column)
         self._files[-1].finish(self._statistics)
 
 
-def refuse_map(terrain: Terrain, grid: Grid, sampled: bool, path: Path, overwrite: bool) -> None:
+def refuse_map(terrain: Terrain, surveyed: MapExtent, path: Path, overwrite: bool) -> None:
     """Refuse a map that cannot be written.
 
     Raises:
@@ -152,7 +170,8 @@ def refuse_map(terrain: Terrain, grid: Grid, sampled: bool, path: Path, overwrit
     for name in map_paths(path):
         refuse_existing(name, overwrite, COMPANIONS)
     crs_of(terrain)
-    refuse_full_disk(path, grid, _files(sampled), raster_format(path, cog=True))
+    files = _files(surveyed.sampled, surveyed.headings)
+    refuse_full_disk(path, surveyed.grid, files, raster_format(path, cog=True))
 
 
 def refuse_full_disk_of_maps(grids: Sequence[Grid], path: Path, sampled: bool) -> None:
@@ -170,7 +189,7 @@ def _cog(path: Path, extent: RasterExtent, bands: Bands, threads: int) -> Iterat
     """Open a cloud-optimised GeoTIFF for writing: a plain one that is copied when complete."""
     first, plain = path.with_name(f"{path.stem}.first.tif"), Compression()
     with terrain_tiff(first, extent, bands, tile_options(bands.dtype, plain, threads)) as file:
-        if bands is VERDICT:
+        if bands in (VERDICT, WORST):
             file.color({int(key): (*c, 255) for key, c in COLORS.items()})
         yield file
     names = pam_path(first)
@@ -185,7 +204,7 @@ def _class_names(bands: Bands) -> bytes:
     """The text of an .aux.xml file that names the classes of each band."""
     root, elements = pam_bands(bands.count)
     for band, name in zip(elements, bands.names, strict=True):
-        classes: type[GroundClass | Verdict | Reason] = GroundClass if bands is VERDICT else Verdict
+        classes: type[GroundClass | Verdict | Reason] = GroundClass if bands.count == 1 else Verdict
         if name.startswith("reason"):
             classes = Reason
         name_categories(band, [value.label for value in classes])

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
@@ -24,6 +24,7 @@ from terratool.traversability.soil import (
 from terratool.traversability.steps import step_of
 from terratool.traversability.survey import SoilSamples, soil_table
 from terratool.traversability.vehicle import Soil, Vehicle
+from terratool.traversability.wheel import under_wheels
 
 SAMPLES = 256
 """Default number of samples."""
@@ -121,6 +122,15 @@ def sampled_soils(name: str, draws: Draws, vehicle: Vehicle) -> tuple[Soil | Non
     return tuple(soil_under(name, surface, vehicle) for surface in draws.surfaces[name])
 
 
+def case_samples(
+    terrain: Terrain, vehicle: Vehicle, draws: Draws | None
+) -> tuple[SoilSamples, ...]:
+    """Sampled soils of a terrain for each of the vehicle's loads; none where none are sampled."""
+    if draws is None:
+        return ()
+    return tuple(soil_samples(terrain, case, draws) for case in vehicle.cases)
+
+
 def soil_samples(terrain: Terrain, vehicle: Vehicle, draws: Draws) -> SoilSamples:
     """Sampled soils of a terrain, by sample and by id, the surface's index and one."""
     soils, steps = soil_table(terrain, vehicle)
@@ -134,13 +144,10 @@ def soil_samples(terrain: Terrain, vehicle: Vehicle, draws: Draws) -> SoilSample
         if not found:
             continue
         members = np.array(
-            [
-                (one.cohesion, math.tan(one.friction), one.sinkage, one.shear_modulus, 0.0)
-                for one in found
-            ]
+            [np.concatenate(under_wheels(replace(one, factors=None))) for one in found]
         )
-        members[:, 4] = _steps(vehicle, [step_friction(vehicle, one) for one in found])
-        for table, values in zip(tables, members.T, strict=True):
+        highest = _steps(vehicle, [step_friction(vehicle, one) for one in found])
+        for table, values in zip(tables, (*members.T, highest), strict=True):
             table[:, id_] = values
     return SoilSamples(*tables)
 
@@ -155,10 +162,26 @@ def _steps(vehicle: Vehicle, friction: Sequence[float]) -> NDArray[np.float64]:
 def level_chances(name: str, draws: Draws, vehicle: Vehicle) -> Chances | None:
     """Probabilities of driving on level ground of a surface with ranges; None without ranges.
 
-    Climbs have the vehicle's margins taken off, as in `surface_figures`.
+    Climbs have the vehicle's margins taken off, as in `surface_figures`. Of several loads each
+    figure is that of the worst.
     """
     if name not in draws.surfaces:
         return None
+    found = [_level_chances(name, draws, case) for case in vehicle.cases]
+    known = [one for one in found if one is not None]
+    if len(known) < 2:
+        return found[0]
+    go, drives = min(one.go for one in known), min(one.drives for one in known)
+
+    def least(angles: Iterable[float | None]) -> float | None:
+        return min(angles, key=lambda angle: -1.0 if angle is None else angle)
+
+    low, high = least(one.climb_low for one in known), least(one.climb_high for one in known)
+    return Chances(go, drives, low, high)
+
+
+def _level_chances(name: str, draws: Draws, vehicle: Vehicle) -> Chances | None:
+    """Probabilities of driving on level ground of a surface, with the vehicle's load as it is."""
     soils = [soil for soil in sampled_soils(name, draws, vehicle) if soil is not None]
     if not soils:
         return None

@@ -15,7 +15,7 @@ from terratool.raster.grid import Grid
 from terratool.report.wording import count_of
 from terratool.text.display import printable
 from terratool.traversability.keep_out import Zone
-from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle import Load, Vehicle
 
 HEADINGS = 8
 """Default number of headings of a survey, clockwise from north."""
@@ -110,7 +110,7 @@ In grey the verdicts differ, too: L* 88, 65, 31, unknown 65."""
 _LABELS = (
     "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",
     "slip", "sinkage", "side-slip", "tip-over", "step", "high-centred", "approach or departure",
-    "roughness", "turning on the spot", "keep-out",
+    "roughness", "turning on the spot", "drift", "keep-out",
 )  # fmt: skip
 """Names of the measures, by `Reason`."""
 
@@ -133,7 +133,8 @@ class Reason(NamedNumber):
     APPROACH = 12
     ROUGHNESS = 13
     TURNING = 14
-    KEEP_OUT = 15
+    DRIFT = 15
+    KEEP_OUT = 16
 
     @property
     def label(self) -> str:
@@ -160,6 +161,20 @@ class SlipCurve:
 
 
 @dataclass(frozen=True, slots=True)
+class DriftCurve:
+    """Crab angle against side slope of a vehicle that drives straight across, (n,) each.
+
+    Attributes:
+        slope: side slopes, rad, each 5 degrees from 0 to the largest cross-slope.
+        crab: crab angle, rad: by how much the vehicle heads uphill to hold its line, and drifts
+            downhill if it does not.
+    """
+
+    slope: tuple[float, ...]
+    crab: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Chances:
     """Probabilities of driving on level ground of a surface, as shares of samples of its soil.
 
@@ -175,6 +190,23 @@ class Chances:
     drives: float
     climb_low: float | None
     climb_high: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class LoadSpan:
+    """Least and largest figures of a vehicle on a surface, with each of its loads.
+
+    Attributes:
+        load: load with which it can do least, whose figures those of the surface are.
+        climb: steepest slope that is climbed, rad; None where it cannot even drive on the level.
+        cross_slope: steepest cross-slope, rad; None likewise.
+        step: height of the highest step that is climbed, m.
+    """
+
+    load: Load
+    climb: tuple[float | None, float | None]
+    cross_slope: tuple[float | None, float | None]
+    step: tuple[float | None, float | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,13 +245,13 @@ class Figures:
         climb: steepest slope that is climbed, rad; None where the vehicle cannot even drive on the
             level.
         climb_binding: measure that binds at the climb.
-        cross_slope: steepest cross-slope, rad.
-        cross_slope_binding: measure that binds at the cross-slope.
-        step: height of the highest step that is climbed, m.
+        cross_slope: steepest cross-slope, rad; None like the climb.
+        cross_slope_binding: measure that binds at the cross-slope, or on the level.
+        step: height of the highest step that is climbed, m; None like the climb.
         step_binding: measure that binds at the step, in words.
         step_axle: axle that does not get up a higher step, 1 for the foremost; None where the body
             does not, or the wheel is by itself.
-        gap: width of the widest gap that is crossed, m.
+        gap: width of the widest gap that is crossed, m; None like the climb.
         verdict: verdict on level ground.
         reason: measure that binds on level ground.
         warnings: sentences on what is unusual.
@@ -231,6 +263,21 @@ class Figures:
         turning_work: work of the wheels for a quarter turn, J; None where the vehicle cannot turn.
         turning_slip: slip of the treads in a turn; None where the vehicle cannot turn.
         turning_binding: measure that forbids turning.
+        climb_error: error band of the climb to both sides, rad: less on firmer soil, 0 on ground
+            that does not yield, in the model `paper`, and where it is kept in reserve; None like
+            the climb.
+        drift_curve: crab angle against side slope; None where slip is not known.
+        rolling: coefficient of rolling resistance that counts, the larger of ground and wheel.
+        energy: energy of a charge for a metre on the level, J: that of the wheels by the motors'
+            efficiency, and the power drawn all the time; None where the vehicle cannot drive.
+        driving_range: way on the level that a charge without its reserve lasts for, m; None without
+            a battery, or where the vehicle cannot drive.
+        braking: deceleration on the level as a share of gravity.
+        stopping: distance to stop from the vehicle's speed on the level, m.
+        speed_limit: largest speed that stops within the vehicle's stopping distance on the level,
+            m/s; None where that is not limited.
+        loads: what it can do with each of its loads, if these differ; other figures are then those
+            of the load with which it can do least, and of energy and stopping the worst of all.
     """
 
     surface: str
@@ -274,6 +321,15 @@ class Figures:
     turning_work: float | None = None
     turning_slip: float | None = None
     turning_binding: Reason = Reason.NONE
+    climb_error: float | None = None
+    drift_curve: DriftCurve | None = None
+    rolling: float | None = None
+    energy: float | None = None
+    driving_range: float | None = None
+    braking: float | None = None
+    stopping: float | None = None
+    speed_limit: float | None = None
+    loads: LoadSpan | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,6 +355,10 @@ class Survey:
         slip: float32 slip of the wheel that slips most; NaN where it is not known.
         energy: float32 energy of all wheels for each metre of ground, J/m, motors without loss;
             infinity where the vehicle does not move.
+        crab: float32 crab angle, rad: by how much the vehicle heads uphill to hold its line, and
+            drifts downhill if it does not; NaN where slip is not known.
+        reserve: float32 angle by which the vehicle may lean more until it tips over, rad.
+        load: uint8 index of the vehicle's load that binds; None where it has no different loads.
     """
 
     grid: Grid
@@ -312,6 +372,9 @@ class Survey:
     sinkage: NDArray[np.float32]
     slip: NDArray[np.float32]
     energy: NDArray[np.float32]
+    crab: NDArray[np.float32]
+    reserve: NDArray[np.float32]
+    load: NDArray[np.uint8] | None = None
 
     @property
     def headings(self) -> int:
@@ -369,6 +432,15 @@ class RouteProfile:
         reason: uint8 `Reason`.
         surface: names of surfaces, empty for none.
         element: JSON pointers of the elements that decide the surface, empty for none.
+        crab: crab angle, rad: by how much the vehicle heads to the left of its way to hold its
+            line on a side slope; below 0 to the right; NaN where unknown.
+        drift: how far it is to the left of its line, m, if nobody steers against the drift since
+            the last corner; below 0 to the right.
+        reserve: angle by which the vehicle may lean more until it tips over, rad.
+        stopping: distance to stop from the vehicle's speed, m; NaN where it is not known.
+        speed: speed of the treads, m/s, no more than stops within the vehicle's stopping distance.
+        time: time since the start, s.
+        energy: energy since the start, J.
     """
 
     x: NDArray[np.float64]
@@ -385,6 +457,39 @@ class RouteProfile:
     reason: NDArray[np.uint8]
     surface: tuple[str, ...]
     element: tuple[str, ...]
+    crab: NDArray[np.float64]
+    drift: NDArray[np.float64]
+    reserve: NDArray[np.float64]
+    stopping: NDArray[np.float64]
+    speed: NDArray[np.float64]
+    time: NDArray[np.float64]
+    energy: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ChargeUse:
+    """The charge that a route uses, there and, if that was asked for, back.
+
+    Attributes:
+        energy: energy of all of it, J.
+        share: share of a full charge that it uses; above 1 if the battery does not last.
+        reserve: share of a charge that is not to be used.
+        emptied: place where the battery is empty, and how far on the way it is, m, in a straight
+            line from sample to sample seen from above; None where it lasts, or is empty on the way
+            back.
+    """
+
+    energy: float
+    share: float
+    reserve: float
+    emptied: Extreme | None = None
+
+    @property
+    def verdict(self) -> Verdict:
+        """Go within the charge without its reserve, caution within all of it, else no-go."""
+        if self.share > 1.0:
+            return Verdict.NO_GO
+        return Verdict.CAUTION if self.share > 1.0 - self.reserve else Verdict.GO
 
 
 @dataclass(frozen=True, slots=True)
@@ -441,6 +546,19 @@ class Route:
         least_chance: smallest probability of go along the way; None where no figures of soils are
             ranges.
         turning: part of the energy that turns on the spot take, J; None if there is no way.
+        drift: largest drift between two corners, m, if nobody steers against it; None if there is
+            no way.
+        crab: largest crab angle to hold the line, rad; None if there is no way, or
+            it is not known.
+        drift_total: sum of all drift, to either side, m; None if there is no way.
+        strays: whether the drift is more than the vehicle's largest; the verdict is caution then.
+        charge: charge that the way uses; None if there is no way, or no battery.
+        stop: place of the longest distance to stop from the vehicle's speed, m, infinity where it
+            cannot; None if that is not known, or there is no way.
+        slowest: place of the least speed that stops within the vehicle's stopping distance, m/s;
+            None where that is not limited, or there is no way.
+        load: load of the vehicle with the smallest margin; None where it has no different loads, or
+            there is no way.
         all_go_longer: how much longer the best way by margin is, m, if that is go all along, and
             this is not; None where it is not, or was not looked for.
         alternatives: further ways, of those that were asked for.
@@ -472,14 +590,23 @@ class Route:
     chance: float | None = None
     least_chance: Extreme | None = None
     turning: float | None = None
+    drift: Extreme | None = None
+    crab: Extreme | None = None
+    drift_total: float | None = None
+    strays: bool = False
+    charge: ChargeUse | None = None
+    stop: Extreme | None = None
+    slowest: Extreme | None = None
+    load: Load | None = None
     all_go_longer: float | None = None
     alternatives: tuple[Route, ...] = ()
     shared: float | None = None
 
     @property
     def holds(self) -> bool:
-        """Whether there is a way, and one back if that was asked for."""
-        return self.found and (self.back is None or self.back.found)
+        """Whether there is a way, and one back if that was asked for, and the battery lasts."""
+        lasts = self.charge is None or self.charge.verdict != Verdict.NO_GO
+        return self.found and (self.back is None or self.back.found) and lasts
 
 
 @dataclass(frozen=True, slots=True)
@@ -585,29 +712,41 @@ class Preview:
         heights: (height, width) float32 m, NaN where there is no ground.
         ground: (height, width) uint8 `GroundClass`.
         crs: name of the coordinates' reference system; empty for none.
+        worst: (height, width) uint8 `GroundClass`, with the verdict of the worst heading where
+            ground is go, caution, no-go or unknown; None where it is not known.
+        bits: (height, width) headings with which the vehicle drives, as bits, the first in the
+            lowest; the ground is taken to go on beyond the rim. None where they are not known.
+        headings: number of headings of `bits`.
     """
 
     grid: Grid
     heights: NDArray[np.float32]
     ground: NDArray[np.uint8]
     crs: str = ""
+    worst: NDArray[np.uint8] | None = None
+    bits: NDArray[np.unsignedinteger[Any]] | None = None
+    headings: int = HEADINGS
 
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """Sampling of the figures of soils that are ranges.
+    """Sampling of the figures of soils that are ranges, and of errors of heights.
 
     Attributes:
         samples: number of samples.
         seed: seed of the generator.
         error: largest error of a share of the samples, at 95 % confidence.
         ranges: ranges that were sampled, every value in them equally likely.
+        height_error: standard deviation of heights, m; None where heights are exact.
+        correlation: correlation length of errors of heights, m; None likewise.
     """
 
     samples: int
     seed: int
     error: float
     ranges: tuple[Range, ...]
+    height_error: float | None = None
+    correlation: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

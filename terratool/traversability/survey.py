@@ -14,6 +14,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window
+from terratool.traversability.height_error import HeightError, block_shifts, footprint_errors
 from terratool.traversability.keep_out import KeptOut, Zone
 from terratool.traversability.limits import (
     WheelLayout,
@@ -21,7 +22,7 @@ from terratool.traversability.limits import (
     tip_edges,
     wheel_layout,
 )
-from terratool.traversability.results import HEADINGS, MOST_HEADINGS, Reason, Verdict
+from terratool.traversability.results import HEADINGS, MOST_HEADINGS, RANKS, Reason, Verdict
 from terratool.traversability.soil import soils, step_friction
 from terratool.traversability.stance import (
     FootprintRectangle,
@@ -74,6 +75,8 @@ class VehicleParams(NamedTuple):
         clearance, front, rear: room for ground and sinkage under the body and its overhangs, m.
         roughness: largest roughness, m.
         go_traction, go_slip, go_torque, go_geometry: largest shares of limits that are go.
+        crab: smallest crab angle that is no-go, rad.
+        go_crab: largest share of it that is go.
         factors: (soils, wheels) factors of k, or (0, wheels) where all are 1.
     """
 
@@ -92,6 +95,8 @@ class VehicleParams(NamedTuple):
     go_slip: float
     go_torque: float
     go_geometry: float
+    crab: float
+    go_crab: float
     factors: NDArray[np.float64]
 
 
@@ -112,6 +117,7 @@ def vehicle_params(vehicle: Vehicle, factors: NDArray[np.float64] | None = None)
         roughness=ROUGH * min(vehicle.smallest_radius, vehicle.clearance),
         go_traction=limits.utilisation, go_slip=limits.slip / slip,
         go_torque=limits.torque, go_geometry=limits.geometry,
+        crab=limits.caution_drift, go_crab=limits.drift / limits.caution_drift,
         factors=np.empty((0, len(wheels.x))) if factors is None else factors,
     )  # fmt: skip
 
@@ -133,11 +139,12 @@ def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[SoilArrays, NDArray[
     rows = []
     for soil in soils(terrain, vehicle):
         if soil is None:
-            rows.append((math.nan, math.nan, 0.0, 0.0, step_of(vehicle, _ANY).height))
+            rows.append((math.nan, math.nan, 0.0, 0.0, 0.0, step_of(vehicle, _ANY).height))
         else:
             step = step_of(vehicle, step_friction(vehicle, soil)).height
             friction = math.tan(soil.friction)
-            rows.append((soil.cohesion, friction, soil.sinkage, soil.shear_modulus, step))
+            figures = soil.cohesion, friction, soil.sinkage, soil.shear_modulus, soil.rolling
+            rows.append((*figures, step))
     *members, steps = np.array(rows, np.float64).T.copy()
     return SoilArrays(*members), steps
 
@@ -149,7 +156,34 @@ class SoilSamples(NamedTuple):
     tan_friction: NDArray[np.float64]
     sinkage: NDArray[np.float64]
     shear_modulus: NDArray[np.float64]
+    rolling: NDArray[np.float64]
     steps: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Uncertainty:
+    """Samples of soils and errors of heights that are not known exactly.
+
+    Attributes:
+        soils: sampled soils for each of the vehicle's loads, (samples, ids) each; samples are all
+            alike where no figures of soils are ranges.
+        heights: errors of the terrain's heights; None where these are exact.
+        seed: seed of the generator that draws errors of heights.
+    """
+
+    soils: tuple[SoilSamples, ...]
+    heights: HeightError | None = None
+    seed: int = 0
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return len(self.soils[0].steps)
+
+    @property
+    def words(self) -> int:
+        """Number of words of 64 bits in which each sample has a bit."""
+        return -(-self.samples // 64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,8 +201,9 @@ class WindowMeasures:
         clearance: float32 room left under the body, m; infinity where nothing can touch, NaN where
             the vehicle cannot stand.
         overhang: float32 room left under the overhangs, m; infinity and NaN like `clearance`.
-        chance: (height, width) float32 share of the samples of the soils on which some heading is
-            go; None where soils are not sampled.
+        chance: (height, width) float32 share of the samples on which some heading is go; None where
+            nothing is sampled.
+        load: uint8 index of the vehicle's load that binds; None where it has no different loads.
     """
 
     heights: NDArray[np.float32]
@@ -182,6 +217,7 @@ class WindowMeasures:
     clearance: NDArray[np.float32]
     overhang: NDArray[np.float32]
     chance: NDArray[np.float32] | None = None
+    load: NDArray[np.uint8] | None = None
 
 
 class Stance(NamedTuple):
@@ -297,7 +333,8 @@ class Surveyor:
         vehicle: a vehicle, or a wheel by itself.
         grid: pixels to be measured.
         headings: number of headings, a multiple of 4 from 4 to 64.
-        samples: samples of the soils; None where these are not ranges, or that does not matter.
+        uncertainty: what is sampled, soils and heights; samples of the soils of a vehicle with one
+            load alone may be given, too; None where all is known, or that does not matter.
         zones: zones that the vehicle keeps out of.
 
     Raises:
@@ -307,7 +344,7 @@ class Surveyor:
 
     def __init__(
         self, terrain: Terrain, vehicle: Vehicle, grid: Grid, headings: int = HEADINGS,
-        samples: SoilSamples | None = None, zones: tuple[Zone, ...] = (),
+        uncertainty: Uncertainty | SoilSamples | None = None, zones: tuple[Zone, ...] = (),
     ) -> None:  # fmt: skip
         refuse_headings(headings)
         self.zones = zones
@@ -325,16 +362,27 @@ class Surveyor:
         slopes = vehicle.wheelbase == 0.0 or vehicle.track_width == 0.0
         radii = [tread.radius for tread in self._footprint.by_heading[0].treads]
         self._painter = GroundPainter(terrain, self._fine, _LEAST * radii[0], slopes, radii)
-        params = vehicle_params(vehicle, sinkage_factors(terrain, vehicle))
-        self._on_soils = kernels.VehicleOnSoils(params, *soil_table(terrain, vehicle))
-        self.samples = samples
-        self._on_samples = None
-        if samples is not None:
-            self._on_samples = kernels.VehicleOnSamples(params, samples)
+        if isinstance(uncertainty, SoilSamples):
+            uncertainty = Uncertainty((uncertainty,))
+        self.uncertainty = uncertainty
+        self._errors = None
+        if uncertainty is not None and uncertainty.heights is not None:
+            self._errors = footprint_errors(
+                vehicle, self._footprint.by_heading, self._fine.resolution, uncertainty.heights,
+                uncertainty.samples, uncertainty.seed,
+            )  # fmt: skip
+        self._loads = []
+        for number, case in enumerate(vehicle.cases):
+            params = vehicle_params(case, sinkage_factors(terrain, case))
+            on_soils = kernels.VehicleOnSoils(params, *soil_table(terrain, case))
+            sampled = None
+            if uncertainty is not None:
+                sampled = kernels.VehicleOnSamples(params, uncertainty.soils[number])
+            self._loads.append(_OnSoils(on_soils, sampled))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Surveyor, (
-            self.terrain, self.vehicle, self.grid, self.headings, self.samples, self.zones,
+            self.terrain, self.vehicle, self.grid, self.headings, self.uncertainty, self.zones,
         )  # fmt: skip
 
     def windows(self, window: Window) -> Iterator[Window]:
@@ -343,29 +391,32 @@ class Surveyor:
         return window.cut(min(_WINDOW[0], side), min(_WINDOW[1], side))
 
     def measure(self, window: Window, *, sampled: bool = True) -> WindowMeasures:
-        """Measure a window of the grid; with the probability of go, if soils are `sampled`."""
+        """Measure a window of the grid; with the probability of go, if that is `sampled`."""
         sweep = self._sweep_of(window)
         flat = (window.height, window.width)
         deep = (self.headings, *flat)
         numbers = np.empty((self.headings, kernels.PLANES, *flat), np.float32)
         verdict, reason, onward = np.empty((3, *deep), np.uint8)
         step, rough, clearance, overhang = np.empty((4, *deep), np.float32)
+        load = np.zeros(deep, np.uint8) if len(self._loads) > 1 else None
         go = self._no_samples(flat) if sampled else None
         for heading, stance in self._stances(sweep, window):
             rough[heading], step[heading] = stance.rough, stance.step
             out = Verdicts(verdict[heading], reason[heading], onward[heading], numbers[heading])
-            self._judge(heading, stance, out, go, window)
+            binding = self._judge(heading, stance, window, out, go)
+            if load is not None and binding is not None:
+                load[heading] = binding
             left = self._clearances(stance, numbers[heading])
             clearance[heading], overhang[heading] = left
         return WindowMeasures(
             sweep.heights, sweep.surfaces, verdict, reason, onward, numbers, step, rough, clearance,
-            overhang, None if go is None else self._shares(go),
+            overhang, None if go is None else self._shares(go), load,
         )  # fmt: skip
 
     def samples_passing(
         self, window: Window, headings: Collection[int]
     ) -> NDArray[np.uint64] | None:
-        """Samples of the soils on which headings are go; None where none are sampled.
+        """Samples on which headings are go; None where nothing is sampled.
 
         Returns:
             (headings, height, width, words) uint64, one bit for each sample.
@@ -378,22 +429,26 @@ class Surveyor:
         verdict, reason, onward = np.empty((3, *flat), np.uint8)
         out = Verdicts(verdict, reason, onward, np.empty((kernels.PLANES, *flat), np.float32))
         for heading, stance in self._stances(self._sweep_of(window), window, headings):
-            self._judge(heading, stance, out, marked[heading], window)
+            self._judge(heading, stance, window, out, marked[heading])
         return np.array(list(marked.values()))
 
     def _judge(
-        self, heading: int, stance: Stance, out: Verdicts, go: NDArray[np.uint64] | None,
-        window: Window,
-    ) -> None:  # fmt: skip
-        """Judge a heading into `out`, and set the bits of samples on which it is go in `go`."""
+        self, heading: int, stance: Stance, window: Window, out: Verdicts,
+        go: NDArray[np.uint64] | None,
+    ) -> NDArray[np.uint8] | None:  # fmt: skip
+        """Judge a heading into `out`, and set the bits of samples on which it is go in `go`.
+
+        Of several loads the worst verdict counts, and the worst of each number; a sample is go if
+        it is with all of them. What lies in a zone is no-go.
+
+        Returns:
+            (height, width) index of the load that binds; None where there is only one.
+        """
         barred = None if self._kept_out is None else self._kept_out(window, heading)
         before = go[barred].copy() if go is not None and barred is not None else None
-        direction = self._footprint.by_heading[heading].direction
-        kernels.judge_cells(self._on_soils, stance, *direction, out)
-        if go is not None and self._on_samples is not None:
-            kernels.judge_samples(self._on_samples, stance, *direction, out.verdict, go)
+        binding = self._judge_loads(heading, stance, window, out, go)
         if barred is None:
-            return
+            return binding
         if go is not None and before is not None:
             go[barred] = before
         out.onward[barred] = 0
@@ -402,19 +457,63 @@ class Surveyor:
         out.verdict[barred], out.reason[barred] = Verdict.NO_GO, Reason.KEEP_OUT
         for plane in (kernels.UTILISATION, kernels.ENERGY):
             out.numbers[plane][barred] = np.inf
+        return binding
+
+    def _judge_loads(
+        self, heading: int, stance: Stance, window: Window, out: Verdicts,
+        go: NDArray[np.uint64] | None,
+    ) -> NDArray[np.uint8] | None:  # fmt: skip
+        """Judge a heading with each load, as `_judge` does, wherever the vehicle may be."""
+        first, *others = self._loads
+        marked = go if go is None or not others else go.copy()
+        self._judge_load(first, heading, stance, window, out, marked)
+        if not others:
+            return None
+        binding = np.zeros(out.verdict.shape, np.uint8)
+        other = Verdicts(*map(np.empty_like, out))
+        for number, load in enumerate(others, 1):
+            # samples that are go with another heading, or not with another load, are left out
+            own = None if go is None or marked is None else ~marked | go
+            self._judge_load(load, heading, stance, window, other, own)
+            binding[_keep_worse(out, other)] = number
+            if marked is not None and own is not None:
+                marked &= own
+        if go is not None and marked is not None:
+            go |= marked
+        return binding
+
+    def _judge_load(
+        self, load: _OnSoils, heading: int, stance: Stance, window: Window, out: Verdicts,
+        go: NDArray[np.uint64] | None,
+    ) -> None:  # fmt: skip
+        """Judge a heading with one load."""
+        direction = self._footprint.by_heading[heading].direction
+        kernels.judge_cells(load.plain, stance, *direction, out)
+        if go is None or load.sampled is None or self.uncertainty is None:
+            return
+        if self._errors is None or self.uncertainty.heights is None:
+            kernels.judge_samples(load.sampled, stance, *direction, out.verdict, go)
+            return
+        shifts = block_shifts(
+            self.grid, window, self.uncertainty.heights, self.uncertainty.samples,
+            self.uncertainty.seed,
+        )  # fmt: skip
+        kernels.judge_uneven(
+            load.plain, load.sampled, stance, *direction, self._errors[heading], shifts, go
+        )
 
     def _no_samples(self, flat: tuple[int, int]) -> NDArray[np.uint64] | None:
-        """Empty sets of samples, (height, width, words) uint64; None where none are sampled."""
-        if self.samples is None:
+        """Empty sets of samples, (height, width, words) uint64; None where nothing is sampled."""
+        if self.uncertainty is None:
             return None
-        return np.zeros((*flat, -(-len(self.samples.steps) // 64)), np.uint64)
+        return np.zeros((*flat, self.uncertainty.words), np.uint64)
 
     def _shares(self, go: NDArray[np.uint64]) -> NDArray[np.float32]:
         """Shares of the samples that are in each set, (height, width) float32 from 0 to 1."""
-        assert self.samples is not None
+        assert self.uncertainty is not None
         counts = np.empty(go.shape[:2], np.uint32)
         kernels.count_samples(go, counts)
-        return (counts / len(self.samples.steps)).astype(np.float32)
+        return (counts / self.uncertainty.samples).astype(np.float32)
 
     def _sweep_of(self, window: Window) -> _Sweep:
         """The ground of a window and the halo around it, for sweeps."""
@@ -483,6 +582,31 @@ class Surveyor:
         out_x = (x - to_west < west - near) | (x + to_east > east + near)
         out_y = (y - to_south < south - near) | (y + to_north > north + near)
         return np.asarray(out_y[:, None] | out_x[None, :])
+
+
+class _OnSoils(NamedTuple):
+    """A vehicle with one of its loads on the soils of a terrain, and on samples of these."""
+
+    plain: kernels.VehicleOnSoils
+    sampled: kernels.VehicleOnSamples | None
+
+
+_LEAST_COUNTS = (kernels.DRAWBAR, kernels.RESERVE)
+"""Planes of numbers of which the smaller is the worse; of others the larger is."""
+
+
+def _keep_worse(out: Verdicts, other: Verdicts) -> NDArray[np.bool_]:
+    """Keep the worse of two judgements in the first; whether it is the other, (height, width)."""
+    used, own = other.numbers[kernels.UTILISATION], out.numbers[kernels.UTILISATION]
+    rank, before = RANKS[other.verdict], RANKS[out.verdict]
+    worse = (rank > before) | ((rank == before) & (used > own))
+    out.verdict[worse], out.reason[worse] = other.verdict[worse], other.reason[worse]
+    np.minimum(out.onward, other.onward, out=out.onward)
+    for plane in range(kernels.PLANES):
+        keep = np.fmin if plane in _LEAST_COUNTS else np.fmax
+        if plane not in (kernels.PITCH, kernels.ROLL):
+            keep(out.numbers[plane], other.numbers[plane], out=out.numbers[plane])
+    return np.asarray(worse, np.bool_)
 
 
 class BodyPart(NamedTuple):

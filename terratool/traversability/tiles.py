@@ -17,7 +17,7 @@ from terratool.raster.painter import id_type
 from terratool.tasks import Work, thread_count
 from terratool.traversability.keep_out import Zone
 from terratool.traversability.results import HEADINGS, Survey
-from terratool.traversability.survey import SoilSamples, Surveyor, WindowMeasures
+from terratool.traversability.survey import Surveyor, Uncertainty, WindowMeasures
 from terratool.traversability.vehicle import Vehicle
 
 TILE = 64
@@ -26,6 +26,8 @@ TILE = 64
 _PLANES = {
     "utilisation": kernels.UTILISATION, "pitch": kernels.PITCH, "roll": kernels.ROLL,
     "sinkage": kernels.SINKAGE, "slip": kernels.SLIP, "energy": kernels.ENERGY,
+    "crab": kernels.CRAB,
+    "reserve": kernels.RESERVE,
 }  # fmt: skip
 """Planes of `WindowMeasures.numbers` by the attribute of `Survey` that holds them."""
 
@@ -43,7 +45,7 @@ def survey(
 ) -> Survey:
     """Survey a vehicle at all pixel centres of a grid.
 
-    Memory is that of the result, 26 bytes for each pixel and heading, and of the windows at work.
+    Memory is that of the result, 30 bytes for each pixel and heading, and of the windows at work.
 
     Args:
         terrain: the ground.
@@ -87,6 +89,7 @@ def _empty_survey(surveyor: Surveyor, grid: Grid) -> Survey:
         np.zeros(deep, np.uint8),
         np.zeros(deep, np.uint8),
         **{name: np.zeros(deep, np.float32) for name in _PLANES},
+        load=np.zeros(deep, np.uint8) if surveyor.vehicle.loads else None,
     )
 
 
@@ -96,12 +99,14 @@ def _store(survey: Survey, part: Any, found: WindowMeasures) -> None:
     survey.verdict[:, *part], survey.reason[:, *part] = found.verdict, found.reason
     for name, plane in _PLANES.items():
         getattr(survey, name)[:, *part] = found.numbers[:, plane]
+    if survey.load is not None and found.load is not None:
+        survey.load[:, *part] = found.load
 
 
 class SurveyTiles:
     """A survey of which only tiles on demand are computed; cells of other tiles mean nothing.
 
-    Memory is 26 bytes for each cell and heading of computed tiles.
+    Memory is 30 bytes for each cell and heading of computed tiles.
 
     Attributes:
         survey: the whole survey.
@@ -206,14 +211,14 @@ class SurveyTiles:
         return () if self._surveyor is None else self._surveyor.zones
 
     @property
-    def samples(self) -> SoilSamples | None:
-        """Samples of the soils; None where soils are not sampled."""
-        return None if self._surveyor is None else self._surveyor.samples
+    def uncertainty(self) -> Uncertainty | None:
+        """Samples of the surveyor; None where all is known."""
+        return None if self._surveyor is None else self._surveyor.uncertainty
 
     def samples_passing(
         self, headings: NDArray[np.int64], rows: NDArray[np.int64], columns: NDArray[np.int64]
     ) -> NDArray[np.uint64] | None:
-        """Samples of the soils on which the vehicle is go at cells; None where none are sampled.
+        """Samples on which the vehicle is go at cells; None where nothing is sampled.
 
         Args:
             headings: (n,) indices of headings of the survey.
@@ -223,10 +228,10 @@ class SurveyTiles:
         Returns:
             (n, words) uint64, one bit for each sample.
         """
-        if self.samples is None:
+        if self.uncertainty is None:
             return None
         assert self._surveyor is not None
-        out = np.zeros((len(rows), -(-len(self.samples.steps) // 64)), np.uint64)
+        out = np.zeros((len(rows), self.uncertainty.words), np.uint64)
         tiles = rows // self.side * self.known.shape[1] + columns // self.side
         for tile in np.unique(tiles).tolist():
             at = np.flatnonzero(tiles == tile)

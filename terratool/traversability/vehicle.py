@@ -10,6 +10,7 @@ from typing import Any
 from msgspec import UNSET, Struct, structs
 
 from terratool.definition.keys import default_of, document_kind
+from terratool.definition.model import middle_of
 from terratool.definition.reader import CheckOptions, check, refusal
 from terratool.definition.vehicle import STEERINGS, AxleText, ClassesText, VehicleText, WheelsText
 from terratool.errors import DefinitionError
@@ -18,8 +19,16 @@ from terratool.report.wording import count_of
 from terratool.text.display import printable
 from terratool.text.source import read_source
 
-_PLAIN = ("mass", "clearance", "body_width", "steering", "turning_radius", "speed", "power")
+_PLAIN = (
+    "clearance", "body_width", "steering", "turning_radius", "speed", "power", "efficiency",
+    "stopping_distance", "reaction_time", "max_drift",
+)  # fmt: skip
 """Keys of a vehicle's text that are attributes of `Vehicle` in the same units."""
+WATT_HOUR = 3600.0
+"""Joules in a watt-hour."""
+ROLLING = 0.02
+"""Default coefficient of rolling resistance of a tyre: an assumption, for small tyres. Worn roads
+have 0.02 (Carvill, Mechanical Engineer's Data Handbook, 1993)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +43,7 @@ class Soil:
             of the shear strength is mobilised whatever the slip.
         factors: factors of k for each wheel of a vehicle, in the order of its layout; all are 1 if
             None.
+        rolling: coefficient of rolling resistance of the ground, beside what sinking in takes.
     """
 
     cohesion: Any
@@ -41,11 +51,16 @@ class Soil:
     sinkage: Any
     shear_modulus: Any = 0.0
     factors: tuple[float, ...] | None = None
+    rolling: Any = 0.0
 
     @classmethod
-    def of(cls, cohesion: Any, friction: Any, sinkage: Any, shear_modulus: Any = 0.0) -> Soil:
-        """Convert figures in the units of a definition: kPa, degrees, m/kN, m."""
-        return cls(cohesion * 1e3, friction * (math.pi / 180.0), sinkage * 1e-3, shear_modulus)
+    def of(
+        cls, cohesion: Any, friction: Any, sinkage: Any, shear_modulus: Any = 0.0,
+        rolling: Any = 0.0,
+    ) -> Soil:  # fmt: skip
+        """Convert figures in the units of a definition: kPa, degrees, m/kN, m, force over load."""
+        radians = friction * (math.pi / 180.0)
+        return cls(cohesion * 1e3, radians, sinkage * 1e-3, shear_modulus, rolling=rolling)
 
 
 MODELS = ("slip", "paper")
@@ -75,6 +90,7 @@ class Wheel:
             infinity for a rigid rim, or where it is not known.
         tyre: whether it is a tyre, whose tread grips the soil as lugs do.
         slips: whether slip counts: the model `slip`, else `paper`.
+        rolling: coefficient of rolling resistance of the wheel itself, force over load.
     """
 
     radius: float
@@ -86,6 +102,7 @@ class Wheel:
     patch_pressure: float = math.inf
     tyre: bool = False
     slips: bool = True
+    rolling: float = 0.0
 
     @property
     def shear_length(self) -> float:
@@ -164,6 +181,8 @@ class Thresholds:
         torque: largest share of the motor's torque that is go; caution up to 1.
         geometry: largest share of a limit of shape (step, clearance, tip-over, cross-slope,
             breakover, approach) that is go; caution up to 1.
+        drift: largest crab angle on a side slope that is go, rad.
+        caution_drift: largest crab angle that is caution, rad.
     """
 
     utilisation: float = default_of(ClassesText, "utilisation")
@@ -171,11 +190,50 @@ class Thresholds:
     caution_slip: float = default_of(ClassesText, "cautionSlip")
     torque: float = default_of(ClassesText, "torque")
     geometry: float = default_of(ClassesText, "geometry")
+    drift: float = math.radians(default_of(ClassesText, "drift"))
+    caution_drift: float = math.radians(default_of(ClassesText, "cautionDrift"))
+
+
+@dataclass(frozen=True, slots=True)
+class Battery:
+    """A battery.
+
+    Attributes:
+        capacity: energy of a full charge, J.
+        reserve: share of a charge that is not to be used, from 0 to below 1.
+    """
+
+    capacity: float
+    reserve: float = 0.0
+
+    @property
+    def usable(self) -> float:
+        """Energy of a charge without its reserve, J."""
+        return self.capacity * (1.0 - self.reserve)
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """A vehicle's mass and centre of gravity with one of its loads.
+
+    Attributes:
+        mass: mass of all, kg.
+        cog_height: height of the centre of gravity over level ground, m.
+        ahead: distance of the centre of gravity ahead of that of the vehicle, m.
+    """
+
+    mass: float
+    cog_height: float
+    ahead: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Vehicle:
     """A vehicle, or a wheel by itself, in SI units.
+
+    Where loads differ, `loads` has the corners of their ranges, and `cases` a vehicle for each.
+    The figures of the vehicle itself are then the largest mass and height, and the middle of the
+    range of the centre of gravity along it.
 
     Attributes:
         wheel: each wheel of axles that have no wheels of their own.
@@ -195,9 +253,17 @@ class Vehicle:
         turning_radius: least radius of the way of its middle, m; 0 if it turns on the spot.
         speed: speed of the wheels' treads, m/s.
         power: power that is drawn whether the vehicle drives or not, W.
+        max_drift: largest drift between two corners of a route that is go, m; infinity for no
+            limit.
+        efficiency: share of the motors' electrical power that arrives at the wheels.
+        battery: the battery; None where it is not known.
+        stopping_distance: distance within which the vehicle is to stop anywhere, m; infinity for
+            no such limit.
+        reaction_time: time that it drives on before it brakes, s.
         margins: margins taken off its limits.
         thresholds: thresholds of go and caution.
         name: name for reports; may be empty.
+        loads: loads that are judged, if they differ; none for the vehicle as it is.
     """
 
     wheel: Wheel
@@ -214,9 +280,15 @@ class Vehicle:
     turning_radius: float = 0.0
     speed: float = 1.0
     power: float = 0.0
+    max_drift: float = math.inf
+    efficiency: float = 1.0
+    battery: Battery | None = None
+    stopping_distance: float = math.inf
+    reaction_time: float = 0.0
     margins: Margins = field(default_factory=Margins)
     thresholds: Thresholds = field(default_factory=Thresholds)
     name: str = ""
+    loads: tuple[Load, ...] = ()
 
     def __repr__(self) -> str:
         name = f" {printable(self.name)}" if self.name else ""
@@ -227,6 +299,22 @@ class Vehicle:
     def single(cls, wheel: Wheel, load: float) -> Vehicle:
         """A driven wheel by itself that bears `load` newtons."""
         return cls(wheel, (Axle(0.0, 1),), load, 1.0)
+
+    @property
+    def cases(self) -> tuple[Vehicle, ...]:
+        """The vehicle with each of its loads; itself where it has none."""
+        if not self.loads:
+            return (self,)
+        return tuple(
+            replace(
+                self,
+                mass=load.mass,
+                cog_height=load.cog_height,
+                axles=tuple(replace(axle, x=axle.x - load.ahead) for axle in self.axles),
+                loads=(),
+            )
+            for load in self.loads
+        )
 
     def wheel_of(self, axle: Axle) -> Wheel:
         """The wheels of an axle."""
@@ -328,29 +416,45 @@ def name_of(path: str | Path) -> str:
 def vehicle_of(text: VehicleText, name: str = "") -> Vehicle:
     """Convert a vehicle's text without errors to SI units; `name` is for reports."""
     common = wheel_of(text.wheels)
+    cog_x = middle_of(text.cog_ends)
+    masses, heights, _ = zip(*text.loads, strict=True)
+    loads = tuple(Load(mass, height, x - cog_x) for mass, height, x in text.loads)
     placed = [
-        Axle(axle.x - text.cog_x, axle.count, axle.is_driven, _own_wheel(text, axle, common))
+        Axle(axle.x - cog_x, axle.count, axle.is_driven, _own_wheel(text, axle, common))
         for axle in text.all_axles
         if axle.x is not UNSET
     ]
     given = _set_members(text)
     overhangs, margins = _set_members(text.overhang), _set_members(text.margins)
-    for angle in margins.keys() & {"tip", "slope"}:
-        margins[angle] = math.radians(margins[angle])
+    classes = _set_members(text.classes)
+    for angles in (margins, classes):
+        for key in angles.keys() & {"tip", "slope", "drift", "caution_drift"}:
+            angles[key] = math.radians(angles[key])
     return Vehicle(
         wheel=common,
         # from the front to the rear, whatever the order in the file
         axles=tuple(sorted(placed, key=lambda axle: -axle.x)),
+        mass=max(masses),
         gravity=text.acceleration,
         track_width=given["track"],
-        cog_height=_set_members(text.cog)["height"],
+        cog_height=max(heights),
         front=_overhang(overhangs, "front", given["clearance"]),
         rear=_overhang(overhangs, "rear", given["clearance"]),
         margins=Margins(**margins),
-        thresholds=Thresholds(**_set_members(text.classes)),
+        thresholds=Thresholds(**classes),
+        battery=_battery(text),
         name=name,
+        loads=loads if len(loads) > 1 else (),
         **{key: given[key] for key in _PLAIN if key in given},
     )
+
+
+def _battery(text: VehicleText) -> Battery | None:
+    """The battery of a vehicle's text; None where it has none."""
+    if text.battery is UNSET or text.battery.capacity is UNSET:
+        return None
+    reserve = text.battery.reserve
+    return Battery(text.battery.capacity * WATT_HOUR, 0.0 if reserve is UNSET else reserve)
 
 
 def wheel_of(text: WheelsText) -> Wheel:
@@ -371,6 +475,7 @@ def wheel_of(text: WheelsText) -> Wheel:
         contact_length=given.get("contact_length", 0.0),
         patch_pressure=pressure,
         tyre=text.known_kind == "tyre",
+        rolling=given.get("rolling_resistance", ROLLING * (text.known_kind == "tyre")),
     )
 
 

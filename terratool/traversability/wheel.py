@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.kernels import traversability as kernels
+from terratool.report import numbers
 from terratool.traversability.vehicle import Soil, Wheel
 
 LARGEST = 1e30
@@ -37,6 +38,7 @@ class SoilArrays(NamedTuple):
     tan_friction: NDArray[np.float64]
     sinkage: NDArray[np.float64]
     shear_modulus: NDArray[np.float64]
+    rolling: NDArray[np.float64]
 
 
 def flatten(*values: Any) -> tuple[tuple[int, ...], list[NDArray[np.float64]]]:
@@ -53,15 +55,16 @@ def flatten_soils(
     soil: Soil, *values: Any
 ) -> tuple[tuple[int, ...], SoilArrays, list[NDArray[np.float64]]]:
     """Broadcast a soil and values together, as `flatten`: shape, soils, and the values."""
-    shape, (cohesion, friction, sinkage, modulus, *others) = flatten(
-        soil.cohesion, soil.friction, soil.sinkage, soil.shear_modulus, *values
+    shape, (cohesion, friction, sinkage, modulus, rolling, *others) = flatten(
+        soil.cohesion, soil.friction, soil.sinkage, soil.shear_modulus, soil.rolling, *values
     )
-    return shape, SoilArrays(cohesion, np.tan(friction), sinkage, modulus), others
+    return shape, SoilArrays(cohesion, np.tan(friction), sinkage, modulus, rolling), others
 
 
 def under_wheels(soil: Soil) -> SoilArrays:
     """A soil of numbers as arrays of one, or of one for each wheel if it has factors."""
-    numbers = soil.cohesion, math.tan(soil.friction), soil.sinkage, soil.shear_modulus
+    friction = math.tan(soil.friction)
+    numbers = soil.cohesion, friction, soil.sinkage, soil.shear_modulus, soil.rolling
     columns = np.array(numbers, np.float64)[:, None]
     if soil.factors is not None:
         columns = np.repeat(columns, len(soil.factors), axis=1)
@@ -213,9 +216,9 @@ def traction(load: Any, soil: Soil, wheel: Wheel, slip: Any | None = None) -> Tr
 
 
 def towed_resistance(load: Any, soil: Soil, wheel: Wheel) -> Numbers:
-    """Resistance of a wheel without torque, R = W tan θm, N: −DP at τm = 0."""
-    shape, (weights, rate) = flatten(load, soil.sinkage)
-    return reshape(kernels.towing(weights, rate, wheel), shape)
+    """Resistance of a wheel without torque, R = W tan θm and rolling, N."""
+    shape, soils, (weights,) = flatten_soils(soil, load)
+    return reshape(kernels.towing(weights, soils, wheel), shape)
 
 
 def grip(load: Any, soil: Soil, wheel: Wheel, slip: Any = 1.0) -> Numbers:
@@ -329,21 +332,22 @@ def check(load: Any, soil: Soil, wheel: Wheel) -> None:
         raise RequestError("The largest slip is out of its range.", "Give a share up to 1.")
 
 
-def remarks(load: float, soil: Soil, wheel: Wheel) -> tuple[str, ...]:
-    """Sentences on figures beyond the range of the model."""
+def remarks(load: float, soil: Soil, wheel: Wheel, slip: float) -> tuple[str, ...]:
+    """Sentences on figures beyond the range of the model, for a wheel that slips so much."""
     found = []
-    here = contact(load, soil, wheel)
-    depth = float(here.sinkage) / (2.0 * wheel.radius)
+    depth = float(contact(load, soil, wheel, slip).sinkage) / (2.0 * wheel.radius)
+    digs = f"At a slip of {numbers.share(slip)} the" if wheel.slips else "The"
     if soil.friction > STEEP_FRICTION:
         found.append(
             f"A friction angle of {math.degrees(soil.friction):.3g}° is unusual: soils and tyres "
             "have less than 50°."
         )
     if depth >= 0.5:
-        found.append("The wheel sinks in to its axle; the model ends before that.")
+        found.append(f"{digs} wheel sinks in to its axle; the model ends before that.")
     elif depth > DEEP:
         found.append(
-            f"The wheel sinks in {depth:.2g} of its diameter; the model is accurate up to {DEEP}."
+            f"{digs} wheel sinks in by {depth:.2g} of its diameter; the model is accurate up to "
+            f"{DEEP}."
         )
     return tuple(found)
 

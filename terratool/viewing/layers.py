@@ -35,7 +35,9 @@ from terratool.viewing.vision import look_alike
 
 FINER = 2
 """Painted pixels per pixel of the picture and side; a pixel of the picture is their mean."""
-NAMES = ("height", "slope", "surface", "friction", "traversability")
+VERDICTS = ("traversability", "traversability-worst")
+"""Names of the layers of verdicts: by the best heading at each place, and by the worst."""
+NAMES = ("height", "slope", "surface", "friction", *VERDICTS)
 """Names of the layers."""
 
 VOID = (255, 255, 255)
@@ -185,7 +187,7 @@ def layer_picture(
         terrain: the ground.
         grid: pixels of the layer.
         layer: name of the layer, one of `NAMES`.
-        judge: vehicle of the layer `traversability`; None for other layers.
+        judge: vehicle of the layers `VERDICTS`; None for other layers.
         progress: called with words on the step that begins.
 
     Raises:
@@ -204,9 +206,9 @@ def layer_picture(
     assert planes.surfaces is not None
     if layer == "surface":
         return _surface_layer(terrain, grid, planes)
-    if layer == "traversability":
+    if layer in VERDICTS:
         assert judge is not None
-        return _verdict_layer(terrain, grid, planes, judge, progress)
+        return _verdict_layer(terrain, grid, planes, judge, progress, layer == VERDICTS[1])
     return _number_layer(terrain, grid, planes, layer)
 
 
@@ -279,9 +281,10 @@ def _number_layer(terrain: Terrain, grid: Grid, planes: Planes, layer: str) -> L
 
 
 def _verdict_layer(
-    terrain: Terrain, grid: Grid, planes: Planes, judge: Judge, progress: Callable[[str], object]
-) -> LayerPicture:
-    """The layer `traversability`: classes of a map of its own, at the pixels of the picture."""
+    terrain: Terrain, grid: Grid, planes: Planes, judge: Judge, progress: Callable[[str], object],
+    worst: bool,
+) -> LayerPicture:  # fmt: skip
+    """A layer of `VERDICTS`: classes of a map of its own, at the pixels of the picture."""
     terrain.refuse_degrees("A vehicle")
     terrain = terrain.written_out
     bounds = grid.bounds
@@ -292,7 +295,7 @@ def _verdict_layer(
     columns = np.floor((grid.columns(grid.whole) - own.west) / own.resolution).astype(np.int64)
     rows = np.floor((own.bounds[3] - grid.rows(grid.whole)) / own.resolution).astype(np.int64)
     at = np.ix_(np.clip(rows, 0, own.height - 1), np.clip(columns, 0, own.width - 1))
-    classes = verdict.classes[at]
+    classes = (verdict.worst if worst else verdict.classes)[at]
     palette = np.array([COLORS[code] for code in sorted(COLORS)], np.uint8)
     ground = ~np.isnan(planes.heights)
     seen = np.bincount(classes[ground], minlength=len(GroundClass))
@@ -306,14 +309,15 @@ def _verdict_layer(
     share = seen[GroundClass.GO] + seen[GroundClass.CAUTION]
     counted = int(seen.sum() - seen[GroundClass.EDGE])
     notes = [
-        f"{verdict.vehicle} can drive on {share / max(1, counted):.0%} of the ground drawn;"
-        f" judged at pixels of {resolution:.4g} m ({why})."
+        f"{verdict.vehicle} can drive on {share / max(1, counted):.0%} of the ground drawn"
+        f"{', with every heading' * worst}; judged at pixels of {resolution:.4g} m ({why})."
     ]
     if verdict.lacking:
         notes.append(verdict.lacking)
+    title = "worst heading" if worst else verdict.vehicle
     return LayerPicture(
         grid, planes.heights, _ids(planes), palette[classes],
-        Legend(verdict.vehicle, (*swatches, *void_swatch(planes.heights))), _ON_VERDICTS,
+        Legend(title, (*swatches, *void_swatch(planes.heights))), _ON_VERDICTS,
         classes, tuple(notes),
     )  # fmt: skip
 
@@ -387,9 +391,9 @@ def check_layer(layer: str, vehicle: object) -> None:
             f"There is no layer {layer!r}.",
             guess(layer, NAMES) or f"The layers are {', '.join(NAMES)}.",
         )
-    if layer == "traversability" and vehicle is None:
-        raise RequestError("The layer traversability needs a vehicle.", "Add --vehicle V.json.")
-    if layer != "traversability" and vehicle is not None:
+    if layer in VERDICTS and vehicle is None:
+        raise RequestError(f"The layer {layer} needs a vehicle.", "Add --vehicle V.json.")
+    if layer not in VERDICTS and vehicle is not None:
         raise RequestError(
             f"The layer {layer} needs no vehicle.",
             "Add --layer traversability, or leave out --vehicle.",

@@ -31,7 +31,8 @@ class RenderOptions:
 
     Attributes:
         layer: layer that the colours show, one of `terratool.viewing.layers.NAMES`.
-        vehicle: path of the vehicle whose verdicts the layer `traversability` shows.
+        vehicle: path of the vehicle whose verdicts the layers `traversability` and
+            `traversability-worst` show.
         bounds: west, south, east, north of the picture, world units; the whole terrain if None.
         contours: interval of contours, in units of the terrain; "auto" for a round one with about
             eight contours; None for no contours.

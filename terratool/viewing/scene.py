@@ -138,7 +138,10 @@ def scene_of(
         "faceSurfaces": faces.surface.reshape(-1, 1).astype(np.int64),
     }
     if report is not None and report.preview is not None:
-        arrays["verdict"] = report.preview.ground[::-1].reshape(-1, 1).astype(np.int64)
+        preview = report.preview
+        worst = preview.ground if preview.worst is None else preview.worst
+        for name, classes in (("verdict", preview.ground), ("worst", worst)):
+            arrays[name] = classes[::-1].reshape(-1, 1).astype(np.int64)
     return PageScene(facts, arrays)
 
 
@@ -174,6 +177,7 @@ def _elements(site: Site, used: list[int]) -> dict[str, Any]:
 
 _SOIL = {
     "cohesion": "kPa", "fric_angle": "°", "sinkage": "m/kN", "shear_modulus": "m",
+    "rolling_resistance": "",
 }  # fmt: skip
 """Units of the figures of a soil, by attribute of the surface."""
 
@@ -187,10 +191,10 @@ def _surfaces(terrain: Terrain) -> list[dict[str, Any]]:
         for attribute, unit in _SOIL.items():
             value = getattr(surface, attribute)
             if isinstance(value, tuple | list):
-                text = f"{value[0]:g} to {value[1]:g} {unit}"
+                text = f"{value[0]:g} to {value[1]:g} {unit}".rstrip()
             else:
                 value = property_of(surface, attribute)
-                text = "" if value is UNSET else f"{value:g} {unit}"
+                text = "" if value is UNSET else f"{value:g} {unit}".rstrip()
             if text:
                 soil.append([_WORDS[attribute], text])
         preset = preset_of(surface)
@@ -203,7 +207,7 @@ def _surfaces(terrain: Terrain) -> list[dict[str, Any]]:
 
 _WORDS = {
     "cohesion": "cohesion", "fric_angle": "friction angle", "sinkage": "sinkage",
-    "shear_modulus": "shear modulus",
+    "shear_modulus": "shear modulus", "rolling_resistance": "rolling resistance",
 }  # fmt: skip
 """Names of the figures of a soil, by attribute of the surface."""
 assert set(_SOIL) >= set(SOIL_FIGURES) - {"preset"}

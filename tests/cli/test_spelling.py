@@ -111,7 +111,11 @@ def wrong_words(commands: Commands) -> Iterator[str]:
                     yield f"{name}: {called} {metavar}, where {letter} is {meant}"
             if _side(option.help or "") and called != "--resolution":
                 yield f"{name}: {called} is a side of pixels"
-            if re.search("toler|error|accura", called) and called != "--max-error":
+            allowed = called in (
+                "--max-error",
+                "--height-error",
+            )  # of a result, and of what is given
+            if re.search("toler|error|accura", called) and not allowed:
                 yield f"{name}: {called} is an error"
             if len(long_names(option)) > 1:
                 yield f"{name}: {option.opts} is one option of two names"

@@ -85,6 +85,7 @@ NAMES = {
     "TT511": "contradictory-wheel",
     "TT512": "oversized-contact",
     "TT513": "idle-carcass",
+    "TT516": "reversed-load",
     "TT601": "no-depth",
     "TT602": "short-path",
     "TT603": "repeated-point",

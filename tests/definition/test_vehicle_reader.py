@@ -21,6 +21,7 @@ from terratool.definition.layout import canonical
 from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.vehicle import (
     AxleText,
+    BatteryText,
     ClassesText,
     CogText,
     MarginsText,
@@ -78,7 +79,8 @@ def test_each_key_is_explained(pointer: str, inner: Json) -> None:
     ("kind", "name"),
     [
         (VehicleText, ""), (WheelsText, "wheels"), (AxleText, "axle"), (CogText, "cog"),
-        (OverhangText, "overhang"), (MarginsText, "margins"), (ClassesText, "classes"),
+        (OverhangText, "overhang"), (BatteryText, "battery"), (MarginsText, "margins"),
+        (ClassesText, "classes"),
     ],
 )  # fmt: skip
 def test_has_the_keys_of_the_reader(kind: type, name: str) -> None:
@@ -167,7 +169,7 @@ def test_agrees_with_the_reader_on_mutations(value: Json, data: st.DataObject) -
     "axles/0/x", "axles/0/wheels", "axles/0/driven", "cog/x", "cog/height", "overhang/front",
     "overhang/rear", "overhang/rearHeight", "margins/clearance", "margins/step", "margins/tip",
     "margins/slope", "classes/utilisation", "classes/slip", "classes/cautionSlip",
-    "classes/torque", "classes/geometry", "$schema",
+    "classes/torque", "classes/geometry", "classes/drift", "classes/cautionDrift", "$schema",
 ])  # fmt: skip
 def test_agrees_with_the_reader_on_each_key(key: str) -> None:
     """For every key, any one value is taken by both or refused by both."""
@@ -367,6 +369,14 @@ SIDES = [{"x": 0.25}, {"x": -0.25}]
         ({"classes": {"slip": 0.61}}, ["TT506"]),
         ({"classes": {"cautionSlip": 0.19}}, ["TT506"]),
         ({"classes": {"slip": 0.3, "cautionSlip": 0.3}}, []),
+        ({"classes": {"drift": 30}}, []),
+        ({"classes": {"drift": 30.1}}, ["TT506"]),
+        ({"classes": {"cautionDrift": 9.9}}, ["TT506"]),
+        ({"classes": {"drift": 40, "cautionDrift": 50}}, []),
+        ({"classes": {"slip": 0.7, "drift": 40}}, ["TT506", "TT506"]),
+        ({"classes": {"drift": 0}}, ["TT106"]),
+        ({"classes": {"cautionDrift": 90}}, ["TT106"]),
+        ({"maxDrift": 0}, ["TT106"]),
         # 4 wheels, r = 0.16: a hundredth of 490.3 N takes 0.1961 N m at each of them
         ({"wheels": {"radius": 0.16, "width": 0.11, "maxTorque": 0.197}}, []),
         ({"wheels": {"radius": 0.16, "width": 0.11, "maxTorque": 0.196}}, ["TT507"]),
@@ -511,6 +521,7 @@ def test_rules_say_nothing_of_what_only_follows() -> None:
         {"cog": 3},
         {"cog": {"x": "9", "height": 0.2}, "margins": {"tip": 89}},
         {"classes": {"slip": 0.9, "cautionSlip": 2}},
+        {"classes": {"drift": 50, "cautionDrift": "60"}},
         {"overhang": {"front": "1", "frontHeight": 1}},
         {"wheels": {**WHEELS, "kind": "tire", "grouserHeight": 1}},
         {"wheels": {**WHEELS, "kind": "tyre", "tyrePressure": 0, "carcassStiffness": 9}},

@@ -575,7 +575,7 @@ def test_maps_are_cloud_optimised(saved: Saved, tmp_path: Path) -> None:
     path = tmp_path / "m.tif"
     common = (saved(WALLED), "--vehicle", saved(VEHICLE, "v.json"), "--resolution", 0.02)
     assert drive(*common, "--map", path).code == 0
-    for name in ("m", "m-classes", "m-numbers"):
+    for name in ("m", "m-worst", "m-headings", "m-classes", "m-numbers"):
         with rasterio.open(tmp_path / f"{name}.tif") as file:
             assert cog_validate(tmp_path / f"{name}.tif", strict=True) == (True, [], [])
             assert file.overviews(1) and file.shape == (400, 600)
@@ -587,7 +587,16 @@ def test_maps_are_cloud_optimised(saved: Saved, tmp_path: Path) -> None:
     names = (tmp_path / "m.tif.aux.xml").read_text("utf-8")
     assert names.index("caution") < names.index("cut-off") < names.index("one-way")
     assert sorted(p.name for p in tmp_path.glob("m*")) == sorted(
-        ["m.tif", "m.tif.aux.xml", "m-classes.tif", "m-classes.tif.aux.xml", "m-numbers.tif"]
+        [
+            "m.tif",
+            "m.tif.aux.xml",
+            "m-worst.tif",
+            "m-worst.tif.aux.xml",
+            "m-headings.tif",
+            "m-classes.tif",
+            "m-classes.tif.aux.xml",
+            "m-numbers.tif",
+        ]
     )
 
 

@@ -125,7 +125,7 @@ def test_any_text_is_taken_or_refused(text: str) -> None:
 def test_a_comparison_and_its_opposite(name: str, comparison: str, limit: float) -> None:
     """For a figure that is known just one of them holds."""
     opposite = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}[comparison]
-    report = reports.report(routes=(reports.WAY,), surfaces=(reports.SAND,))
+    report = reports.report(routes=(reports.CHARGED,), surfaces=(reports.SAND,))
     one = parse(f"{name}{comparison}{limit!r}")
     other = parse(f"{name} {opposite} {limit!r}")
     assert bool(one.why_met(report)) != bool(other.why_met(report))

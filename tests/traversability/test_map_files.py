@@ -99,11 +99,11 @@ def read(path: Path) -> Any:
 
 
 class TestFiles:
-    """Three files, whole, named."""
+    """Five files, whole, named."""
 
     def test_names_units_and_classes(self, made: Any) -> None:
         _, grid, path, _ = made
-        verdict, classes, numbers = map_paths(path)
+        verdict, worst, bits, classes, numbers = map_paths(path)
         assert [p.name for p in (classes, numbers)] == ["yard-classes.tif", "yard-numbers.tif"]
         with rasterio.open(verdict) as file:
             assert file.descriptions == ("verdict, best heading",)
@@ -111,6 +111,11 @@ class TestFiles:
             assert file.colormap(1)[Verdict.GO][:3] == COLORS[GroundClass.GO]
             assert (file.nodata, file.dtypes, file.crs.to_epsg()) == (0, ("uint8",), 32633)
             assert file.bounds[0] == 500000 and file.shape == (grid.height, grid.width)
+        with rasterio.open(worst) as file:
+            assert file.descriptions == ("verdict, worst heading",)
+            assert file.colormap(1)[Verdict.NO_GO][:3] == COLORS[GroundClass.NO_GO]
+        with rasterio.open(bits) as file:
+            assert (file.nodata, file.dtypes, file.count) == (0, ("uint8",), 1)
         with rasterio.open(classes) as file:
             assert ColorInterp.red not in file.colorinterp
         with rasterio.open(numbers) as file:
@@ -120,7 +125,9 @@ class TestFiles:
             assert np.isnan(file.nodata)
             tags = file.tags(file.descriptions.index("step, highest") + 1)
             assert float(tags["STATISTICS_MAXIMUM"]) == pytest.approx(1.5, abs=0.01)
-        for file_, bands in ((verdict, [GroundClass]), (classes, [Verdict, Reason, Reason])):
+        assert not bits.with_name(f"{bits.name}.aux.xml").exists()
+        kinds = [Verdict, Reason, Reason]
+        for file_, bands in ((verdict, [GroundClass]), (worst, [GroundClass]), (classes, kinds)):
             root = ElementTree.parse(f"{file_}.aux.xml").getroot()
             named = [[c.text for c in band.iter("Category")] for band in root]
             assert named == [[value.label for value in kind] for kind in bands]
@@ -128,7 +135,7 @@ class TestFiles:
     def test_hold_what_the_survey_finds(self, made: Any) -> None:
         """Best and worst of all headings, for pixels on the terrain; nothing beyond it."""
         terrain, grid, path, _ = made
-        (verdict,), classes, numbers = (read(p) for p in map_paths(path))
+        (verdict,), _, _, classes, numbers = (read(p) for p in map_paths(path))
         found = survey(terrain, ROVER, grid)
         assert grid.bounds[2] > terrain.bounds[2] + 0.5 * grid.resolution or grid.width == 125
         inside = np.isin(found.surfaces, [0, 4]) | ~np.isnan(found.heights)
@@ -148,6 +155,8 @@ class TestFiles:
         assert np.array_equal(rank[classes[0][inside]], worst[inside])
         drives = ((found.verdict == 1) | (found.verdict == 2)).sum(axis=0)
         assert np.array_equal(numbers[0][inside], drives[inside])
+        go = (found.verdict == 1).sum(axis=0)
+        assert np.array_equal(numbers[14][inside], go[inside]) and (go != drives).any()
         known = ~np.isnan(found.sinkage)
         deepest = np.where(known, found.sinkage, -1).max(axis=0)
         assert np.array_equal(numbers[11][known.any(axis=0)], deepest[known.any(axis=0)])
@@ -157,7 +166,7 @@ class TestFiles:
     def test_places(self, made: Any) -> None:
         """What is known of the yard stands where it is: west is left, north is up."""
         _, _, path, _ = made
-        (verdict,), classes, numbers = (read(p) for p in map_paths(path))
+        (verdict,), _, _, classes, numbers = (read(p) for p in map_paths(path))
 
         def at(x: float, y: float) -> tuple[int, int]:
             return int((12 - y) / 0.16), int(x / 0.16)
@@ -180,7 +189,7 @@ class TestFiles:
 
     def test_summary_counts_pixels_with_ground(self, made: Any) -> None:
         terrain, grid, path, summary = made
-        (verdict,), classes, _ = (read(p) for p in map_paths(path))
+        (verdict,), _, _, classes, _ = (read(p) for p in map_paths(path))
         heights = survey(terrain, ROVER, grid).heights
         ground = ~np.isnan(heights)
         assert summary.pixels == ground.sum()
@@ -212,7 +221,7 @@ class TestRefusals:
         assert not list(tmp_path.iterdir())
 
     def test_exists(self, tmp_path: Path) -> None:
-        """Any of the three."""
+        """Any of the five."""
         terrain = yard()
         (tmp_path / "map-numbers.tif").write_text("mine")
         with pytest.raises(WriteError, match=r"map-numbers\.tif: exists already"):

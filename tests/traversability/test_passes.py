@@ -174,7 +174,7 @@ class TestRuts:
 
 def table(soil: Soil, vehicle: Vehicle) -> Any:
     """One soil under three ids, and steps."""
-    numbers = soil.cohesion, math.tan(soil.friction), soil.sinkage, soil.shear_modulus
+    numbers = soil.cohesion, math.tan(soil.friction), soil.sinkage, soil.shear_modulus, soil.rolling
     columns = [np.full(4, number, np.float64) for number in numbers]
     return SoilArrays(*columns), np.full(4, 1.0)
 

@@ -147,7 +147,8 @@ class TestDraws:
     def test_figures_are_independent(self) -> None:
         """No two of them go together, those of one surface and those of two."""
         draws = drawn(terrain_of(hills()), 1024)
-        sand = np.array([[getattr(s, a) for a in SOIL_FIGURES] for s in draws.surfaces["sand"]])
+        ranged = terrain_of(hills()).surface_types["sand"].ranges
+        sand = np.array([[getattr(s, a) for a in ranged] for s in draws.surfaces["sand"]])
         loam = np.array([[s.fric_angle] for s in draws.surfaces["loam"]])
         together = np.corrcoef(np.hstack([sand, loam]).T) - np.eye(5)
         assert np.abs(together).max() < 4 / math.sqrt(1024)
@@ -293,7 +294,7 @@ class TestCommand:
             written(tmp_path, hills(sand, loam), "--resolution", 0.3, "--route", 41, -19, 47, -18)
             for sand in (numbers, equal)
         ]
-        assert len(found[0]["bands"]) == 14
+        assert len(found[0]["bands"]) == 17
         for name, data in found[0].items():
             np.testing.assert_array_equal(found[1][name], data, err_msg=name)
         assert not {"sampling", "probability"} & set(json.loads(found[0]["r.json"]))
@@ -418,8 +419,8 @@ class TestRoutes:
                 "cells": [3, 1],
                 "children": [{"type": "flat", "surface": "loam", "cellX": 1, "cellY": 0}],
             },
-            sand=SOFT,
-            loam={**SOFT, "fricAngle": [24, 33]},
+            sand={**SOFT, "fricAngle": [8, 20]},
+            loam={**SOFT, "fricAngle": [10, 20]},
         )
         ground = terrain_of(definition)
         way = (41.0, -19.0, 44.5, -15.5)

@@ -214,7 +214,9 @@ def test_it_is_as_if_the_ground_went_on(
     assert drives[edge & inner].all()
     barred = ~edge & inner & ~drives
     lost = ours[barred] != theirs[barred]
-    assert (ours[barred][lost] == GroundClass.NO_GO).all() and lost.sum() < 0.005 * ours.size
+    # one at its very limit may be either, as positions are rounded
+    odd = ours[barred][lost] != GroundClass.NO_GO
+    assert odd.sum() <= 1 and lost.sum() < 0.005 * ours.size
 
 
 @pytest.mark.parametrize(

@@ -546,14 +546,21 @@ def test_a_vehicle_without_wheels_is_refused() -> None:
 def test_remarks() -> None:
     """Angles above 50° and deep ruts are told of, nothing else."""
 
-    def words(soil: Soil, load: float = 100) -> str:
-        return " ".join(wheel.remarks(load, soil, WHEEL))
+    def words(soil: Soil, slip: float = 0.0) -> str:
+        return " ".join(wheel.remarks(100, soil, SLIPPING, slip))
 
     assert words(E1) == words(E2) == words(Soil.of(0, 50, 0, 0.01)) == ""
     assert "friction angle of 51°" in words(Soil.of(0, 51, 0))
     assert words(Soil.of(1, 30, 0.6)) == ""  # z/D is 0.15
     assert "accurate up to 0.15" in words(Soil.of(1, 30, 0.61))
     assert "to its axle" in words(Soil.of(1, 30, 2))
+    # z 50 mm at rest, θ0 = acos 0.75; at 60 % of slip θ1 = 0.7227 + 0.6 · 0.305 and z = 77 mm
+    assert words(Soil.of(1, 30, 0.5)) == ""
+    assert words(Soil.of(1, 30, 0.5), 0.6).startswith(
+        "At a slip of 60 % the wheel sinks in by 0.19 of its diameter; "
+    )
+    deep = wheel.remarks(100, Soil.of(1, 30, 0.7), WHEEL, 0.6)
+    assert deep[0].startswith("The wheel sinks in by 0.17 of its diameter; ")
 
 
 # Vehicles
@@ -637,7 +644,7 @@ def test_it_tips_where_its_weight_leaves_the_supports(pitch: float, roll: float)
     # where the line through the centre of gravity, 0.4 above the plane, meets it
     along, normal = math.hypot(1, slope[0]), math.hypot(1, *slope)
     x, y = -0.4 * slope[0] * normal / along, -0.4 * slope[1] / along
-    unknown = SoilArrays(np.array([np.nan]), *np.zeros((3, 1))), np.zeros(1)
+    unknown = SoilArrays(np.array([np.nan]), *np.zeros((4, 1))), np.zeros(1)
     (reserve,) = judged(vehicle, unknown, np.array([slope]), [0] * 4)[kernels.RESERVE]
     inside = -0.7 < x < 0.3 and abs(y) < 0.3
     assert (reserve > 0) == inside

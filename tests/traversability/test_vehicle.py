@@ -18,7 +18,10 @@ from terratool.definition.reader import check
 from terratool.errors import DefinitionError, ReadError
 from terratool.traversability.vehicle import (
     CARCASS,
+    ROLLING,
     Axle,
+    Battery,
+    Load,
     Margins,
     Overhang,
     Thresholds,
@@ -51,11 +54,13 @@ def test_every_key_arrives_in_its_place_and_unit() -> None:
     assert [(axle.wheels, axle.driven) for axle in vehicle.axles] == [
         (4, True), (1, False), (2, True),
     ]  # fmt: skip
-    assert vehicle.wheel == Wheel(0.2, 0.1, 30.0, 0.8, grouser_height=0.015, contact_length=0.09)
+    assert vehicle.wheel == Wheel(
+        0.2, 0.1, 30.0, 0.8, grouser_height=0.015, contact_length=0.09, rolling=0.004
+    )
     # of another kind, and so without lugs; of the same kind, but with longer ones
-    castor = Wheel(0.12, 0.06, 30.0, 0.8, 0.0, 0.07, pytest.approx(95e3), tyre=True)
+    castor = Wheel(0.12, 0.06, 30.0, 0.8, 0.0, 0.07, pytest.approx(95e3), tyre=True, rolling=0.03)
     assert [vehicle.wheel_of(axle) for axle in vehicle.axles] == [
-        vehicle.wheel, castor, Wheel(0.2, 0.1, 45.0, 0.8, 0.025, 0.09),
+        vehicle.wheel, castor, Wheel(0.2, 0.1, 45.0, 0.8, 0.025, 0.09, rolling=0.004),
     ]  # fmt: skip
     assert [axle.wheel is None for axle in vehicle.axles] == [True, False, False]
     assert (vehicle.mass, vehicle.gravity, vehicle.track_width) == (120, 3.71, 0.9)
@@ -63,9 +68,14 @@ def test_every_key_arrives_in_its_place_and_unit() -> None:
     assert vehicle.steering == "wheels"
     assert vehicle.front == Overhang(0.5, 0.25)
     assert vehicle.rear == Overhang(0.3, 0.17)  # as high as the rest of the body
-    assert (vehicle.speed, vehicle.power) == (0.5, 25)
+    assert (vehicle.speed, vehicle.power, vehicle.efficiency) == (0.5, 25, 0.75)
+    assert vehicle.battery == Battery(480 * 3600.0, 0.2)
+    assert (vehicle.stopping_distance, vehicle.reaction_time) == (1.5, 0.25)
+    assert vehicle.loads == ()
     assert vehicle.margins == Margins(0.02, 0.01, math.pi / 18, pytest.approx(math.pi / 36))
-    assert vehicle.thresholds == Thresholds(0.6, 0.1, 0.3, 0.5, 0.8)
+    angles = math.radians(7), math.radians(25)
+    assert vehicle.thresholds == Thresholds(0.6, 0.1, 0.3, 0.5, 0.8, *angles)
+    assert vehicle.max_drift == 0.4
     assert vehicle.wheels == 7
     assert vehicle.wheelbase == pytest.approx(2.3)
     assert vehicle.middle == pytest.approx(0.35)
@@ -86,6 +96,23 @@ def test_what_is_left_out_has_its_default() -> None:
     )
 
 
+def test_ranges_of_loads_are_their_corners() -> None:
+    """Eight of three ranges; the vehicle is the heaviest and highest, in the middle along it."""
+    cog = {"x": [0.1, 0.5], "height": [0.3, 0.6]}
+    vehicle = meant({**LOPSIDED, "mass": [120, 200], "cog": cog})
+    assert (vehicle.mass, vehicle.cog_height) == (200, 0.6)
+    assert [axle.x for axle in vehicle.axles] == pytest.approx([1.7, 0.1, -0.6])
+    assert len(vehicle.loads) == 8
+    assert Load(120, 0.6, pytest.approx(-0.2)) in vehicle.loads
+    light_ahead = next(one for one in vehicle.cases if one.mass == 120 and one.axles[0].x < 1.6)
+    assert [axle.x for axle in light_ahead.axles] == pytest.approx([1.5, -0.1, -0.8])
+    assert not light_ahead.loads
+    # a range of one value is none, and other ranges alone have their two ends
+    one = meant({**LOPSIDED, "mass": [120, 120]})
+    assert (one.loads, one.cases) == ((), (one,))
+    assert len(meant({**LOPSIDED, "mass": [100, 120]}).loads) == 2
+
+
 WHEELS: Json = {"radius": 0.25, "width": 0.2}
 
 
@@ -96,19 +123,19 @@ WHEELS: Json = {"radius": 0.25, "width": 0.2}
         ({"kind": "rigid"}, Wheel(0.25, 0.2)),
         ({"kind": "lugged"}, Wheel(0.25, 0.2, grouser_height=0.025)),
         ({"grouserHeight": 0.01}, Wheel(0.25, 0.2, grouser_height=0.01)),
-        ({"kind": "tyre"}, Wheel(0.25, 0.2, tyre=True)),
-        ({"tyrePressure": 70}, Wheel(0.25, 0.2, patch_pressure=90e3, tyre=True)),
+        ({"kind": "tyre"}, Wheel(0.25, 0.2, tyre=True, rolling=ROLLING)),
+        ({"tyrePressure": 70}, Wheel(0.25, 0.2, patch_pressure=90e3, tyre=True, rolling=ROLLING)),
         (
             {"tyrePressure": 70, "carcassStiffness": 0},
-            Wheel(0.25, 0.2, patch_pressure=70e3, tyre=True),
+            Wheel(0.25, 0.2, patch_pressure=70e3, tyre=True, rolling=ROLLING),
         ),
         (
             {"tyrePressure": 70, "carcassStiffness": 35, "grouserHeight": 0.03},
-            Wheel(0.25, 0.2, grouser_height=0.03, patch_pressure=105e3, tyre=True),
+            Wheel(0.25, 0.2, grouser_height=0.03, patch_pressure=105e3, tyre=True, rolling=ROLLING),
         ),
         (
             {"kind": "tyre", "contactLength": 0.2},
-            Wheel(0.25, 0.2, contact_length=0.2, tyre=True),
+            Wheel(0.25, 0.2, contact_length=0.2, tyre=True, rolling=ROLLING),
         ),
     ],
 )  # fmt: skip
@@ -130,10 +157,14 @@ def test_a_kind_of_wheel_stands_for_its_figures(wheels: Json, wheel: Wheel) -> N
         (
             {"tyrePressure": 70},
             {"tyrePressure": 50},
-            Wheel(0.25, 0.2, patch_pressure=70e3, tyre=True),
+            Wheel(0.25, 0.2, patch_pressure=70e3, tyre=True, rolling=ROLLING),
         ),
         ({"maxSlip": 0.5}, {"width": 0.1}, Wheel(0.25, 0.1, max_slip=0.5)),
-        ({}, {"tyrePressure": 50}, Wheel(0.25, 0.2, patch_pressure=70e3, tyre=True)),
+        (
+            {},
+            {"tyrePressure": 50},
+            Wheel(0.25, 0.2, patch_pressure=70e3, tyre=True, rolling=ROLLING),
+        ),
         ({}, {"radius": 0.25, "width": 0.2}, None),
         ({"tyrePressure": 70}, {"kind": "tyre"}, None),
     ],
@@ -305,6 +336,8 @@ def test_the_page_tells_the_truth() -> None:
     assert float(rows["slip"]) == thresholds.slip
     assert float(rows["cautionSlip"]) == thresholds.caution_slip
     assert float(rows["torque"]) == thresholds.torque
+    assert math.radians(float(rows["drift"])) == thresholds.drift
+    assert math.radians(float(rows["cautionDrift"])) == thresholds.caution_drift
     assert float(rows["geometry"]) == thresholds.geometry
     assert float(rows["speed"]) == meant(SMALLEST).speed
     assert float(rows["power"]) == meant(SMALLEST).power

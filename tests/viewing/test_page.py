@@ -404,6 +404,13 @@ def test_layers_have_their_colours(page: Callable[..., Page], boxes: Path) -> No
         assert shown.move(*spot)["verdict"] == verdict.label
         assert color(x, y) == pytest.approx(COLORS[verdict], abs=3)
         assert verdict.label in shown.text("#legend")
+    # with a front end at the foot of the tall block, which lies to the east of x 8
+    told = shown.move(round(width / 2 + 1.6 * scale), round(height / 2 + 2 * scale))
+    assert (told["verdict"], told["worst heading"]) == ("go", "no-go")
+    assert color(7.6, 2) == pytest.approx(COLORS[GroundClass.GO], abs=3)
+    shown.press("l")
+    assert color(7.6, 2) == pytest.approx(COLORS[GroundClass.NO_GO], abs=3)
+    assert color(3, 2) == pytest.approx(COLORS[GroundClass.GO], abs=3)
 
 
 def test_keys_alone_do_all(page: Callable[..., Page], boxes: Path) -> None:

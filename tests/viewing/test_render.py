@@ -324,6 +324,10 @@ def test_verdicts_have_the_colors_of_the_map(tmp_path: Path) -> None:
     assert np.ptp(those.sum(axis=1)) > 50  # lines are darker
     texts = texts_of(drawn(tmp_path, definition, ".svg", **options))
     assert {"go", "no-go", "husky-a200"} <= {*texts}
+    # the box begins at 0.8: 0.47 m before it there is room to pass, but none to face it
+    worst = Ground(drawn(tmp_path, definition, **{**options, "layer": "traversability-worst"}))
+    assert hue_of(ground.at(504.5 / 640, 0.875)) != no_go == hue_of(worst.at(504.5 / 640, 0.875))
+    assert worst.at(0.25, 0.5).tolist() == list(COLORS[GroundClass.GO])
 
 
 # --- any picture ----------------------------------------------------------------------------------

@@ -24,9 +24,9 @@ def missing_key(subject: Subject) -> Iterator[Remark]:
     A terrain needs size, elemTree, and elemTypes unless it uses libraries; an element needs type or
     part, and cellX and cellY, or at and extent, unless it is the root or a part; a track needs path
     and width; a roughness needs rms and correlation. A vehicle needs mass, wheels with radius and
-    width, axles (each with x) or wheelbase, track, cog with height, and clearance. A sensor needs
-    range, a lidar elevations and azimuthStep, a camera width, height and fov or focal, a sonar
-    beamWidth and threshold. Everything else has a default.
+    width, axles (each with x) or wheelbase, track, cog with height, and clearance, and a battery
+    capacity. A sensor needs range, a lidar elevations and azimuthStep, a camera width, height and
+    fov or focal, a sonar beamWidth and threshold. Everything else has a default.
 
     Fails:
 

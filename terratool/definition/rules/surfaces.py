@@ -26,6 +26,10 @@ _PLAUSIBLE = (
         f"a small wheel has 0.18 on dry sand and 1.3 in snow (Bekker's formula, soils of {_WONG})",
     ),
     ("shearModulus", "shear_modulus", 0.003, 0.15, "m", f"most soils have 0.01 to 0.05 ({_WONG})"),
+    (
+        "rollingResistance", "rolling_resistance", 0, 0.35, "force over load",
+        "roads have 0.01 to 0.05, fields up to 0.35 (Bosch, Automotive Handbook)",
+    ),
 )  # fmt: skip
 
 
@@ -133,12 +137,13 @@ def same_color(subject: Subject) -> Iterator[Remark]:
 def implausible_soil(subject: Subject) -> Iterator[Remark]:
     """A soil value is one that hardly any soil has; most often it is in another unit.
 
-    Plausible are cohesion up to 100 kPa, fricAngle from 5 to 50 degrees, sinkage up to 2 m/kN and
-    shearModulus from 0.003 to 0.15 m. In Wong, Theory of Ground Vehicles, 4th ed., Wiley 2008,
-    cohesions reach from 1 to 69 kPa and angles from 6 to 35 degrees (table 2.3), and shear moduli
-    are mostly 0.01 to 0.05 m. With its soils and Bekker's formula, a wheel of 0.2 m radius and
-    0.1 m width under 100 N sinks 0.02 to 0.18 m/kN, and 1.3 in snow. Rigid ground, sinkage 0, may
-    be more cohesive, as rock is, or smoother, as ice is. Both ends of a range are looked at.
+    Plausible are cohesion up to 100 kPa, fricAngle from 5 to 50 degrees, sinkage up to 2 m/kN,
+    shearModulus from 0.003 to 0.15 m and rollingResistance up to 0.35. In Wong, Theory of Ground
+    Vehicles, 4th ed., Wiley 2008, cohesions reach from 1 to 69 kPa and angles from 6 to 35 degrees
+    (table 2.3), and shear moduli are mostly 0.01 to 0.05 m. With its soils and Bekker's formula, a
+    wheel of 0.2 m radius and 0.1 m width under 100 N sinks 0.02 to 0.18 m/kN, and 1.3 in snow.
+    Rigid ground, sinkage 0, may be more cohesive, as rock is, or smoother, as ice is. Both ends of
+    a range are looked at.
 
     Fails:
 
@@ -156,7 +161,8 @@ def implausible_soil(subject: Subject) -> Iterator[Remark]:
           "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "surface": "sand"}
         }
 
-    To mend: write cohesion in kPa, angles in degrees, sinkage in m/kN and shearModulus in m.
+    To mend: write cohesion in kPa, angles in degrees, sinkage in m/kN, shearModulus in m and
+    rollingResistance as force over load.
     """
     for name, surface in subject.definition.surfaces.items():
         for key, attribute, low, high, unit, why in _PLAUSIBLE:

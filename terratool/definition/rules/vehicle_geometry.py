@@ -9,6 +9,7 @@ from itertools import product
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
+from terratool.definition.model import ends_of
 from terratool.definition.rules.base import VehicleSubject, rule
 from terratool.definition.vehicle import AxleText
 from terratool.text.display import quote
@@ -208,10 +209,15 @@ def tips_over(subject: VehicleSubject) -> Iterator[Remark]:
         return
     front, rear = vehicle.ends
     # another rule reports axles that are all in one place
-    if vehicle.cog.x is not UNSET and not rear < vehicle.cog.x < front and rear < front:
+    out = (
+        []
+        if vehicle.cog.x is UNSET
+        else [x for x in ends_of(vehicle.cog.x) if not rear < x < front]
+    )
+    if out and rear < front:
         yield Remark(
             "/cog/x",
-            f"the centre of gravity at {quote(vehicle.cog.x)} m is not between the axles at "
+            f"the centre of gravity at {quote(out[0])} m is not between the axles at "
             f"{quote(front)} and {quote(rear)} m, so the vehicle tips over on level ground.",
             "Write it in the frame of the axles, in metres, positive ahead.",
         )

@@ -5,14 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
-from msgspec import UNSET
+from msgspec import UNSET, to_builtins
 
 from terratool.definition.findings import Remark
+from terratool.definition.keys import default_of
+from terratool.definition.model import ends_of
 from terratool.definition.rules.base import VehicleSubject, rule
+from terratool.definition.vehicle import ClassesText
 from terratool.text.display import quote
 
-_SLIP, _CAUTION_SLIP = 0.2, 0.6
-"""Thresholds of slip where a file has none."""
+_ORDERED = (
+    ("slip", "cautionSlip"),
+    ("drift", "cautionDrift"),
+)
+"""Keys of thresholds for go and for caution."""
 
 _ROLLING = 0.01
 """Resistance of hard ground, as a share of the weight: road tyres have 0.01 to 0.02."""
@@ -24,6 +30,7 @@ _PLAUSIBLE_WHEEL = (
     ("tyrePressure", 3, 1500, "kPa"),
     ("carcassStiffness", 0, 500, "kPa"),
     ("maxTorque", 1e-3, 1e5, "N m"),
+    ("rollingResistance", 0, 0.5, ""),
 )
 _PLAUSIBLE = (
     # pointer, low, high, unit
@@ -39,14 +46,19 @@ _PLAUSIBLE = (
     ("overhang/rearHeight", 0.001, 5, "m"),
     ("speed", 0, 30, "m/s"),
     ("power", 0, 1e5, "W"),
+    ("efficiency", 0.05, 1, ""),
+    ("battery/capacity", 1, 1e6, "Wh"),
+    ("stoppingDistance", 0.01, 1000, "m"),
+    ("reactionTime", 0, 10, "s"),
 )
 
 
 @rule("TT506", "class-order", kind="vehicle")
 def class_order(subject: VehicleSubject) -> Iterator[Remark]:
-    """The slip up to which it is go is larger than that up to which it is caution.
+    """The slip, or the drift, up to which it is go is larger than that up to which it is caution.
 
-    Where one of the two is left out its default counts, 0.2 for slip and 0.6 for cautionSlip.
+    Where one of the two is left out its default counts: 0.2 for slip and 0.6 for cautionSlip, 10°
+    for drift and 30° for cautionDrift.
 
     Fails:
 
@@ -64,21 +76,24 @@ def class_order(subject: VehicleSubject) -> Iterator[Remark]:
           "classes": {"slip": 0.7, "cautionSlip": 0.9}
         }
 
-    To mend: give both, the smaller one as slip.
+    To mend: give both, the smaller one as slip, or as drift.
     """
-    classes = subject.vehicle.classes
-    if subject.left_out("/classes", "slip", "cautionSlip") or subject.left_out("", "classes"):
+    if subject.left_out("", "classes"):
         return
-    go = _SLIP if classes.slip is UNSET else classes.slip
-    caution = _CAUTION_SLIP if classes.caution_slip is UNSET else classes.caution_slip
-    if go > caution:
-        by_default = ", its default" if classes.caution_slip is UNSET else ""
-        yield Remark(
-            "/classes/cautionSlip" if classes.slip is UNSET else "/classes/slip",
-            f"the slip for go is {quote(go)}{', its default' if classes.slip is UNSET else ''}, "
-            f"and that for caution {quote(caution)}{by_default}, which is less.",
-            'Give both "slip" and "cautionSlip", the smaller one as "slip".',
-        )
+    for key, caution_key in _ORDERED:
+        if subject.left_out("/classes", key, caution_key):
+            continue
+        written = to_builtins(subject.vehicle.classes)
+        go = written.get(key, default_of(ClassesText, key))
+        caution = written.get(caution_key, default_of(ClassesText, caution_key))
+        if go > caution:
+            by_default = ["" if one in written else ", its default" for one in (key, caution_key)]
+            yield Remark(
+                f"/classes/{key if key in written else caution_key}",
+                f"the {key} for go is {quote(go)}{by_default[0]}, and that for caution "
+                f"{quote(caution)}{by_default[1]}, which is less.",
+                f'Give both "{key}" and "{caution_key}", the smaller one as "{key}".',
+            )
 
 
 @rule("TT507", "weak-drive", "warning", kind="vehicle")
@@ -115,7 +130,7 @@ def weak_drive(subject: VehicleSubject) -> Iterator[Remark]:
             return
         count += subject.axles[index].count
         push += subject.axles[index].count * torque / radius
-    share = push / (mass * vehicle.acceleration)
+    share = push / (max(ends_of(mass)) * vehicle.acceleration)
     if driven and share < _ROLLING:
         yield Remark(
             subject.place(driven[0], "maxTorque"),
@@ -162,20 +177,61 @@ def _implausible(
     owner: object, pointer: str, ranges: Iterable[tuple[str, float, float, str]]
 ) -> Iterator[Remark]:
     for path, low, high, unit in ranges:
-        value = _value(owner, path)
-        if isinstance(value, float) and not low <= value <= high:
-            yield Remark(
-                f"{pointer}/{path}",
-                f'"{path.rpartition("/")[2]}" is {quote(value)} {unit}, which hardly any vehicle '
-                f"has: they have {low:g} to {high:g} {unit}.",
-                f"Check its unit, which is {unit}.",
-            )
+        found = _value(owner, path)
+        for value in found if isinstance(found, tuple) else (found,):
+            if isinstance(value, float) and not low <= value <= high:
+                of = f" {unit}" if unit else ""
+                yield Remark(
+                    f"{pointer}/{path}",
+                    f'"{path.rpartition("/")[2]}" is {quote(value)}{of}, which hardly any vehicle '
+                    f"has: they have {low:g} to {high:g}{of}.",
+                    f"Check its unit, which is {unit}." if unit else "Check it; it is a share.",
+                )
+                break
 
 
 def _value(owner: object, path: str) -> object:
     for key in path.split("/"):
-        owner = getattr(owner, "".join(f"_{c.lower()}" if c.isupper() else c for c in key))
+        name = "".join(f"_{c.lower()}" if c.isupper() else c for c in key)
+        owner = getattr(owner, name, UNSET)
     return owner
+
+
+@rule("TT516", "reversed-load", kind="vehicle")
+def reversed_load(subject: VehicleSubject) -> Iterator[Remark]:
+    """A range of mass or of the centre of gravity is upside down: its first number is larger.
+
+    A range is [low, high]. Which of the two numbers is mistaken cannot be told, so nothing is
+    swapped.
+
+    Fails:
+
+        {
+          "mass": [75, 50], "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
+        }
+
+    Passes:
+
+        {
+          "mass": [50, 75], "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5,
+          "track": 0.55, "cog": {"height": 0.2}, "clearance": 0.13
+        }
+
+    To mend: write the smaller number first.
+    """
+    vehicle = subject.vehicle
+    for pointer, figure in (
+        ("/mass", vehicle.mass), ("/cog/height", vehicle.cog.height), ("/cog/x", vehicle.cog.x),
+    ):  # fmt: skip
+        if isinstance(figure, tuple) and figure[0] > figure[1]:
+            name = pointer.rpartition("/")[2]
+            yield Remark(
+                pointer,
+                f'the range of "{name}" begins with {quote(figure[0])} and ends with '
+                f"{quote(figure[1])}, which is less.",
+                "Write the smaller number first.",
+            )
 
 
 @rule("TT510", "used-up-margin", "warning", kind="vehicle")
@@ -238,8 +294,8 @@ def _tip(subject: VehicleSubject) -> float:
     vehicle, height = subject.vehicle, subject.vehicle.cog.height
     if height is UNSET or vehicle.track is UNSET or not subject.axles:
         return math.inf
-    front, rear = vehicle.ends
-    if subject.left_out("/cog", "x") or not rear < vehicle.cog_x < front:
+    (front, rear), (low, high) = vehicle.ends, vehicle.cog_ends
+    if subject.left_out("/cog", "x") or not rear < low <= high < front:
         return math.inf
-    reach = min(0.5 * vehicle.track, front - vehicle.cog_x, vehicle.cog_x - rear)
-    return math.degrees(math.atan(reach / height))
+    reach = min(0.5 * vehicle.track, front - high, low - rear)
+    return math.degrees(math.atan(reach / max(ends_of(height))))

@@ -74,7 +74,7 @@ def surfaces(found: VehicleComparison) -> Table:
 def _ability(figures: Figures) -> str:
     if figures.missing or figures.climb is None:
         return what_binds(figures)
-    return f"{numbers.degrees(figures.climb)}, {wording.because(figures.climb_binding)}"
+    return f"{wording.climb(figures)}, {wording.because(figures.climb_binding)}"
 
 
 def way(found: VehicleComparison, number: int) -> Table:
@@ -93,6 +93,8 @@ def _journey(route: Route) -> tuple[Cell, ...]:
         more = len(route.barriers) - 1
         binds = wording.because(route.barriers[0].reason)
         binds += f" (and {count_of(more, 'more place')})" * bool(more)
+    elif route.charge is not None and route.charge.verdict == Verdict.NO_GO:
+        binds = "battery"
     elif margin is not None:
         binds = wording.because(margin.reason)
     return (

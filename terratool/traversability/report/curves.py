@@ -74,11 +74,13 @@ class Line:
         name: name of the surface or the vehicle.
         curve: slip against slope.
         climb: largest climb, rad; None where the vehicle cannot even drive on the level.
+        error: error band of slopes, rad, to both sides.
     """
 
     name: str
     curve: SlipCurve
     climb: float | None
+    error: float = 0.0
 
     def spans(self) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
         """Slopes (degrees) and slips up to the largest climb, and those beyond it."""
@@ -94,7 +96,9 @@ class Line:
 def slip_lines(report: TraversabilityReport) -> list[Line]:
     """Lines of a report, one for each surface whose slip is known."""
     return [
-        Line(title(one), one.slip_curve, one.climb) for one in report.surfaces if one.slip_curve
+        Line(title(one), one.slip_curve, one.climb, one.climb_error or 0.0)
+        for one in report.surfaces
+        if one.slip_curve
     ]
 
 
@@ -124,7 +128,7 @@ def slip_panels(reports: Reports) -> list[Panel]:
     found = []
     for row in zip(*(one.surfaces for one in reports.reports), strict=True):
         lines = [
-            Line(vehicle_name(of), one.slip_curve, one.climb)
+            Line(vehicle_name(of), one.slip_curve, one.climb, one.climb_error or 0.0)
             for of, one in zip(reports.reports, row, strict=True)
             if one.slip_curve is not None
         ]
@@ -311,6 +315,9 @@ def _curves(
         yield f'<path class="limit" d="M{frame.left:g} {y:.1f}h{frame.width:g}"/>'
         taken.append(_Box.of(text, frame.left + 5.0, y - 6.0))
         taken.append(_Box(frame.left, y - 1.0, frame.left + frame.width, y + 1.0))
+    for number, line in enumerate(lines):
+        if area := _band(frame, line):
+            yield f'<polygon class="band {_style_of(number)[0]}" points="{area}"/>'
     trails, ends = [], []
     for number, line in enumerate(lines):
         colour, dashes = _style_of(number)
@@ -349,6 +356,22 @@ def _curves(
                 break
 
 
+def _band(frame: PlotFrame, line: Line) -> str:
+    """Points of the area in which a curve lies by its error band; empty for none.
+
+    A wheel that is held back does not slip, whatever the error.
+    """
+    able, beyond = line.spans()
+    points = [(slope, slip) for slope, slip in [*able, *beyond[1:]] if slip > 0.0]
+    if not line.error or len(points) < 2:
+        return ""
+    slopes, slips = zip(*points, strict=True)
+    far, (low, high) = math.degrees(line.error), frame.x
+    xs = [*(max(low, slope - far) for slope in slopes)]
+    xs += [min(high, slope + far) for slope in reversed(slopes)]
+    return frame.points(xs, [*slips, *reversed(slips)])
+
+
 def _trail(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Points along a polyline, at most `_NEAR` apart."""
     found = [points[0]]
@@ -365,6 +388,7 @@ def _legend(lines: Sequence[Line], left: float, width: float) -> tuple[list[str]
     parts, x, row = [], left, 0
     for number, line in enumerate(lines):
         climb = "not on the level" if line.climb is None else numbers.degrees(line.climb)
+        climb += f" ± {numbers.degrees(line.error)}" if line.error else ""
         text = f"{truncate(line.name, _NAME)} {climb}"
         wide = _SWATCH + _text_width(text) + 14.0
         if x > left and x + wide > width:

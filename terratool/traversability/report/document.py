@@ -44,6 +44,7 @@ from terratool.traversability.report.keys import (
     SquareMetres,
     Text,
     VerdictText,
+    WattHours,
     Watts,
     fill_keys,
     value_of,
@@ -152,6 +153,48 @@ class ThresholdKeys(Struct, frozen=True):
     caution_slip: float
     torque: float
     geometry: float
+    drift_deg: Degrees
+    caution_drift_deg: Degrees
+
+
+class LoadKeys(Struct, frozen=True):
+    """Load of a vehicle.
+
+    Attributes:
+        mass_kg: mass of all.
+        cog_ahead_m: distance of the centre of gravity ahead of that of the vehicle.
+    """
+
+    mass_kg: Kilograms
+    cog_height_m: Metres
+    cog_ahead_m: Annotated[float, ResultMember("ahead")]
+
+
+class LoadSpanKeys(Struct, frozen=True):
+    """Least and largest figures of a vehicle on a surface with each of its loads.
+
+    Attributes:
+        load: load with which it can do least.
+    """
+
+    load: LoadKeys
+    climb_deg: Annotated[tuple[float | None, float | None], ResultMember(unit="deg", factor=DEG)]
+    cross_slope_deg: Annotated[
+        tuple[float | None, float | None], ResultMember(unit="deg", factor=DEG)
+    ]
+    step_m: Annotated[tuple[float | None, float | None], ResultMember(unit="m")]
+
+
+class BatteryKeys(Struct, frozen=True):
+    """Battery of a vehicle.
+
+    Attributes:
+        capacity_Wh: energy of a full charge.
+        reserve: share of a charge that is not to be used.
+    """
+
+    capacity_Wh: WattHours
+    reserve: Share
 
 
 class VehicleKeys(Struct, frozen=True):
@@ -170,10 +213,16 @@ class VehicleKeys(Struct, frozen=True):
     body_width_m: Metres
     front: OverhangKeys
     rear: OverhangKeys
+    loads: tuple[LoadKeys, ...]
     steering: Annotated[str, one_of(STEERINGS)]
     turning_radius_m: Metres
     speed_m_s: MetresPerSecond
     power_W: Watts
+    max_drift_m: Metres | None
+    efficiency: Share
+    battery: BatteryKeys | None
+    stopping_distance_m: Metres | None
+    reaction_time_s: Seconds
     margins: MarginKeys
     classes: Annotated[ThresholdKeys, ResultMember("thresholds")]
 
@@ -186,6 +235,17 @@ class SlipCurveKeys(Struct, frozen=True):
 
     slope_deg: Annotated[tuple[float, ...], ResultMember(unit="deg", factor=DEG)]
     slip: tuple[Share | None, ...]
+
+
+class DriftCurveKeys(Struct, frozen=True):
+    """Crab angle of the vehicle when it drives straight across a slope.
+
+    By it the vehicle heads uphill to hold its line, and drifts downhill if it does not. Slopes are
+    every 5 degrees up to the largest cross-slope.
+    """
+
+    slope_deg: ManyDegrees
+    crab_deg: ManyDegrees
 
 
 class ChanceKeys(Struct, frozen=True):
@@ -227,6 +287,7 @@ class SurfaceKeys(Struct, frozen=True):
     utilisation: float | None
     slip: float | None
     climb_deg: Degrees | None
+    climb_error_deg: Degrees | None
     climb_binding: ReasonText | None
     cross_slope_deg: Degrees | None
     cross_slope_binding: ReasonText | None
@@ -238,8 +299,16 @@ class SurfaceKeys(Struct, frozen=True):
     turning_work_J: Joules | None
     turning_slip: float | None
     turning_binding: ReasonText | None
+    rolling: float | None
+    energy_J_per_m: Annotated[float | None, ResultMember("energy")]
+    driving_range_m: Metres | None
+    braking: float | None
+    stopping_m: Metres | None
+    speed_limit_m_s: MetresPerSecond | None
+    loads: LoadSpanKeys | None
     warnings: tuple[str, ...]
     slip_curve: SlipCurveKeys | None
+    drift_curve: DriftCurveKeys | None
     probability: Annotated[ChanceKeys | UnsetType, ResultMember("chances")] = UNSET
 
 
@@ -288,6 +357,28 @@ class TightestKeys(Struct, frozen=True):
     place: PlaceKeys
 
 
+class DriftKeys(Struct, frozen=True):
+    """Place of a route up to which a vehicle drifts farthest if nobody steers against it.
+
+    Attributes:
+        drift_m: distance from the line, downhill, since the last corner.
+    """
+
+    drift_m: Annotated[float, ResultMember("value")]
+    place: PlaceKeys
+
+
+class CrabKeys(Struct, frozen=True):
+    """Place of a route where a vehicle has to head farthest uphill to hold its line.
+
+    Attributes:
+        crab_deg: angle between where it heads and where it moves.
+    """
+
+    crab_deg: Annotated[float, ResultMember("value", factor=DEG)]
+    place: PlaceKeys
+
+
 class LeastChanceKeys(Struct, frozen=True):
     """Place of a route with the smallest probability of go.
 
@@ -304,6 +395,9 @@ class ProfileKeys(Struct, frozen=True):
 
     Attributes:
         verdict: verdict of each sample.
+        crab_deg: how far to the left of its way it heads to hold its line; below 0 to the right.
+        drift_m: how far to the left of its line it drifts since the last corner, if nobody steers
+            against it; below 0 to the right.
         binding: measure that binds at each sample.
     """
 
@@ -321,6 +415,62 @@ class ProfileKeys(Struct, frozen=True):
     binding: Annotated[tuple[ReasonText | None, ...], ResultMember("reason", codes=Reason)]
     surface: tuple[Text, ...]
     element: tuple[Text, ...]
+    crab_deg: ManyDegrees
+    drift_m: ManyMetres
+    tip_reserve_deg: Annotated[Numbers, ResultMember("reserve", factor=DEG)]
+    stopping_m: ManyMetres
+    speed_m_s: Annotated[Numbers, ResultMember("speed")]
+    time_s: Annotated[Numbers, ResultMember("time")]
+    energy_J: Annotated[Numbers, ResultMember("energy")]
+
+
+class EmptiedKeys(Struct, frozen=True):
+    """Place where a battery is empty.
+
+    Attributes:
+        distance_m: way up to there, seen from above.
+    """
+
+    distance_m: Annotated[float, ResultMember("value")]
+    place: PlaceKeys
+
+
+class ChargeKeys(Struct, frozen=True):
+    """Charge that a route uses, there and, where that was asked for, back.
+
+    Attributes:
+        energy_Wh: energy of all of it.
+        share: share of a full charge; above 1 where the battery does not last.
+        verdict: caution where the reserve is used, no-go where the battery is empty before the end.
+        emptied: place where the battery is empty on the way there.
+    """
+
+    energy_Wh: WattHours
+    share: float
+    verdict: VerdictText
+    emptied: EmptiedKeys | None
+
+
+class StopKeys(Struct, frozen=True):
+    """Place of a route with the longest distance to stop from the vehicle's speed.
+
+    Attributes:
+        stopping_m: the distance; None where it cannot stop.
+    """
+
+    stopping_m: Annotated[float | None, ResultMember("value")]
+    place: PlaceKeys
+
+
+class SlowestKeys(Struct, frozen=True):
+    """Place of a route with the least speed that stops in time.
+
+    Attributes:
+        speed_m_s: the speed.
+    """
+
+    speed_m_s: Annotated[float, ResultMember("value")]
+    place: PlaceKeys
 
 
 class RouteKeys(Struct, frozen=True):
@@ -338,6 +488,10 @@ class RouteKeys(Struct, frozen=True):
     steepest: SteepestKeys | None
     softest: SoftestKeys | None
     tightest: TightestKeys | None
+    drift: DriftKeys | None
+    crab: CrabKeys | None
+    drift_total_m: Metres | None
+    strays: bool
     barriers: tuple[BarrierKeys, ...]
     reached: PlaceKeys | None
     note: Text
@@ -347,6 +501,10 @@ class RouteKeys(Struct, frozen=True):
     headings: int
     tried_headings: tuple[int, ...]
     ruled_out_headings: int | None
+    charge: ChargeKeys | None
+    longest_stop: Annotated[StopKeys | None, ResultMember("stop")]
+    slowest: SlowestKeys | None
+    load: LoadKeys | None
     all_go_longer_m: Metres | None
     alternatives: tuple[RouteKeys, ...]
     shared: Share | None
@@ -451,12 +609,19 @@ class MendKeys(Struct, frozen=True):
 
 
 class SamplingKeys(Struct, frozen=True):
-    """Sampling of soils that are ranges."""
+    """Sampling of soils that are ranges, and of errors of heights.
+
+    Attributes:
+        height_error_m: standard deviation of heights; None where these are exact.
+        correlation_m: length over which errors of heights are correlated.
+    """
 
     samples: Annotated[int, Meta(ge=1)]
     seed: Count
     error: Share
-    ranges: Annotated[tuple[Range, ...], Meta(min_length=1)]
+    ranges: tuple[Range, ...]
+    height_error_m: Metres | None
+    correlation_m: Metres | None
 
 
 class ReportKeys(Document, frozen=True, kw_only=True):
@@ -473,8 +638,8 @@ class ReportKeys(Document, frozen=True, kw_only=True):
         mending: lines of JSON that mend what surfaces lack, by an example of a soil; none where
             nothing is lacking.
         map: classes of the ground; None where only routes were asked for.
-        sampling: sampling of soils, only where some of their figures are ranges; the middles count
-            for everything but probabilities.
+        sampling: sampling of soils and of errors of heights, only where there are ranges or such
+            errors; middles, and heights as they are, count for everything but probabilities.
     """
 
     format_version: int = FORMAT_VERSION
@@ -676,6 +841,8 @@ def _report(report: TraversabilityReport) -> ReportKeys:
             sampling.seed,
             value_of(sampling.error),
             sampling.ranges,
+            value_of(sampling.height_error),
+            value_of(sampling.correlation),
         ),
     )
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from terratool.raster.shading import LIGHT, contour_interval, exaggeration, hillshade, ticks
 from terratool.report import numbers
 from terratool.traversability.results import COLORS, GroundClass, Preview, RouteProfile, Verdict
+from terratool.traversability.vehicle import Battery
 
 _LEFT, _RIGHT, _TOP = 52, 12, 22
 """Margins for the numbers of the axes, and for the title of the upper one, pixels."""
@@ -41,6 +42,7 @@ class _Bins:
         low, high: lowest and highest ground, m.
         sinkage: deepest sinkage, m.
         verdict: worst verdict; unknown counts as worse than go and better than caution.
+        starts: int64 index of the first sample of each column.
     """
 
     x: NDArray[np.float64]
@@ -48,15 +50,37 @@ class _Bins:
     high: NDArray[np.float64]
     sinkage: NDArray[np.float64]
     verdict: NDArray[np.int64]
+    starts: NDArray[np.int64]
 
 
-def chart(profile: RouteProfile, width: int) -> str:
-    """Profile as an SVG element, `width` pixels wide, 240 or more; empty if it has no length."""
+@dataclass(frozen=True, slots=True)
+class _Panel:
+    """Panel of lines along a profile.
+
+    Attributes:
+        title: title, with the unit.
+        lines: values along the profile, (n,) float64 each; the second is dashed.
+        low, high: ends of the axis.
+    """
+
+    title: str
+    lines: tuple[NDArray[np.float64], ...]
+    low: float
+    high: float
+
+
+def chart(profile: RouteProfile, width: int, battery: Battery | None = None) -> str:
+    """Profile as an SVG element, `width` pixels wide, 240 or more; empty if it has no length.
+
+    Under the ground and the sinkage are slip, pitch and roll, the margin, and what is left of a
+    charge of the battery.
+    """
     total = float(profile.distance[-1] - profile.distance[0]) if len(profile.distance) else 0.0
     if not total > 0.0:
         return ""
     bins = _bin(profile, total, width - _LEFT - _RIGHT)
-    bottom = _TOP + _HILL + _STRIP + _GAP + _SUNK
+    panels = _panels(profile, battery)
+    bottom = _TOP + _HILL + _STRIP + (_GAP + _SUNK) * (1 + len(panels))
     finite = bins.high[np.isfinite(bins.high)]
     low, high = (float(np.nanmin(bins.low)), float(finite.max())) if finite.size else (0.0, 1.0)
     if high - low < 1e-9 * max(1.0, abs(high)):
@@ -76,6 +100,8 @@ def chart(profile: RouteProfile, width: int) -> str:
     parts += _axis(0.0, most, zero, zero + _SUNK, width, "sinkage, mm")
     if deepest > 0.0:
         parts.append(_sinkage_area(bins.x, sunk / deepest * _SUNK, zero))
+    for number, panel in enumerate(panels, 1):
+        parts += _lines(panel, bins, zero + number * (_GAP + _SUNK), width)
     parts += [*_distances(total, width, bottom), "</svg>"]
     return "".join(parts)
 
@@ -94,7 +120,47 @@ def _bin(profile: RouteProfile, total: float, columns: int) -> _Bins:
         np.fmax.reduceat(profile.height, starts),
         np.fmax.reduceat(profile.sinkage, starts),
         order[worst],
+        starts,
     )
+
+
+def _panels(profile: RouteProfile, battery: Battery | None) -> list[_Panel]:
+    """Panels of what is known along a profile."""
+    leans = np.degrees(profile.pitch), np.degrees(profile.roll)
+    most = max((float(np.nanmax(np.abs(lean), initial=1.0)) for lean in leans), default=1.0)
+    margin = 100.0 * (1.0 - np.clip(profile.utilisation, 0.0, 1.0))
+    found = [
+        _Panel("slip, %", (100.0 * np.clip(profile.slip, 0.0, 1.0),), 0.0, 100.0),
+        _Panel("pitch, and roll (dashed), °", leans, -most, most),
+        _Panel("margin to the nearest limit, %", (margin,), 0.0, 100.0),
+    ]
+    if battery is not None:
+        left = 100.0 * np.clip(1.0 - profile.energy / battery.capacity, 0.0, 1.0)
+        found.append(_Panel("charge left, %", (left,), 0.0, 100.0))
+    return [one for one in found if any(np.isfinite(line).any() for line in one.lines)]
+
+
+def _lines(panel: _Panel, bins: _Bins, top: int, width: int) -> Iterator[str]:
+    """Axis and lines of a panel; of each column the value of the largest size, or the least."""
+    yield from _axis(panel.low, panel.high, top + _SUNK, top, width, panel.title)
+    for dashed, values in enumerate(panel.lines):
+        largest = np.fmax.reduceat(values, bins.starts)
+        least = np.fmin.reduceat(values, bins.starts)
+        # where little is left is what matters of a margin, else what is most
+        shown = np.where(np.abs(largest) >= np.abs(least), largest, least)
+        if panel.low == 0.0 and panel.title != "slip, %":
+            shown = least
+        path, drawing = [], False
+        scale = _SUNK / (panel.high - panel.low)
+        for x, value in zip(bins.x.tolist(), shown.tolist(), strict=True):
+            if not math.isfinite(value):
+                drawing = False
+                continue
+            y = top + (panel.high - value) * scale
+            path.append(f"{'L' if drawing else 'M'}{x:.1f} {y:.1f}")
+            drawing = True
+        dash = ' stroke-dasharray="5 3"' if dashed else ""
+        yield f'<path class="ground"{dash} d="{"".join(path)}"/>'
 
 
 def _ground(bins: _Bins, low: float, high: float) -> str:

@@ -46,6 +46,7 @@ MetresPerKilonewton = Annotated[float, ResultMember(unit="m_per_kN", factor=1e3)
 Kilograms = Annotated[float, ResultMember(unit="kg")]
 Seconds = Annotated[float, ResultMember(unit="s")]
 Joules = Annotated[float, ResultMember(unit="J")]
+WattHours = Annotated[float, ResultMember(unit="Wh", factor=1.0 / 3600.0)]
 Watts = Annotated[float, ResultMember(unit="W")]
 Newtons = Annotated[float, ResultMember(unit="N")]
 NewtonMetres = Annotated[float, ResultMember(unit="Nm")]

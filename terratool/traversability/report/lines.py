@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from terratool.report import numbers
 from terratool.report.tables import WIDTH, Cell, Table, align, columns_in, truncate, wrap
@@ -13,12 +13,14 @@ from terratool.traversability.report.tables import (
     chances,
     grounds_of,
     likelihoods,
+    loads,
     reasons,
     title,
     warnings,
     what_binds,
 )
 from terratool.traversability.results import (
+    Figures,
     MapSummary,
     Reason,
     Reports,
@@ -61,11 +63,14 @@ def _one(report: TraversabilityReport) -> Iterator[str]:
         yield from align(_surfaces(report), words=_VERDICTS)
         yield from wrap(_step_limits(report))
         yield from wrap(_turns(report))
+        yield from wrap(_ranges(report))
+        yield from wrap(_stops(report))
         yield ""
-    if (table := chances(report)).rows:
-        titles = [column.title for column in table.columns]
-        yield from align([titles, *map(_texts, table.rows)])
-        yield ""
+    for table in (loads(report), chances(report)):
+        if table.rows:
+            titles = [column.title for column in table.columns]
+            yield from align([titles, *map(_texts, table.rows)])
+            yield ""
     if report.summary:
         yield from align(_map(report.summary))
         if likely := ", ".join(f"{name} on {part}" for name, part in likelihoods(report).rows):
@@ -107,7 +112,7 @@ def _surfaces(report: TraversabilityReport) -> Iterator[Sequence[str]]:
         yield (
             truncate(title(figures), _NAME),
             numbers.length(figures.sinkage),
-            numbers.degrees(figures.climb),
+            wording.climb(figures),
             numbers.degrees(figures.cross_slope),
             numbers.length(figures.step),
             numbers.quantity(figures.drawbar, "N"),
@@ -120,7 +125,7 @@ def _step_limits(report: TraversabilityReport) -> str:
     """Sentence on the limits of steps, with the surfaces of each."""
     by_limit: dict[str, list[str]] = {}
     for figures in report.surfaces:
-        if not figures.missing:
+        if figures.step is not None:
             limit = wording.step_limit(figures, report.vehicle)
             by_limit.setdefault(limit, []).append(truncate(title(figures), _NAME))
     by_limit.pop(numbers.NOTHING, None)
@@ -134,13 +139,44 @@ def _turns(report: TraversabilityReport) -> str:
     """Sentence on the work of turning on the spot, by surface; empty if it takes none."""
     if radius := report.vehicle.turning_radius:
         return f"It does not turn on the spot: its turns have a radius of {numbers.length(radius)}."
-    by_work: dict[str, list[str]] = {}
-    for figures in report.surfaces:
-        if figures.turning_work or figures.turning_binding != Reason.NONE:
-            work = wording.quarter_turn(figures)
-            by_work.setdefault(work, []).append(truncate(title(figures), _NAME))
-    parts = [f"{', '.join(surfaces)} {work}" for work, surfaces in by_work.items()]
-    return f"Work of a turn on the spot by 90°: {'; '.join(parts)}." if parts else ""
+    parts = _listed(
+        (figures, wording.quarter_turn(figures))
+        for figures in report.surfaces
+        if figures.turning_work or figures.turning_binding != Reason.NONE
+    )
+    return f"Work of a turn on the spot by 90°: {parts}." if parts else ""
+
+
+def _ranges(report: TraversabilityReport) -> str:
+    """Sentence on the way on the level that a charge lasts for; empty without a battery."""
+    battery = report.vehicle.battery
+    parts = _listed(
+        (figures, numbers.length(figures.driving_range))
+        for figures in report.surfaces
+        if figures.driving_range is not None
+    )
+    if battery is None or not parts:
+        return ""
+    return f"Range on a charge of {numbers.energy(battery.usable)}: {parts}."
+
+
+def _stops(report: TraversabilityReport) -> str:
+    """Sentence on speeds that stop in time on the level; empty where that is not limited."""
+    parts = _listed(
+        (figures, f"{numbers.quantity(figures.speed_limit, 'm/s')}")
+        for figures in report.surfaces
+        if figures.speed_limit is not None
+    )
+    within = numbers.length(report.vehicle.stopping_distance)
+    return f"To stop within {within} on the level, no faster than: {parts}." if parts else ""
+
+
+def _listed(texts: Iterable[tuple[Figures, str]]) -> str:
+    """Texts with the names of the surfaces that have each."""
+    by_text: dict[str, list[str]] = {}
+    for figures, text in texts:
+        by_text.setdefault(text, []).append(truncate(title(figures), _NAME))
+    return "; ".join(f"{', '.join(surfaces)} {text}" for text, surfaces in by_text.items())
 
 
 def _map(summary: MapSummary) -> Iterator[Sequence[str]]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from terratool._version import __version__
 from terratool.io.png import png
@@ -20,14 +22,18 @@ from terratool.text.display import quote
 from terratool.traversability.keep_out import Zone
 from terratool.traversability.report import comparison, curves, tables, wording
 from terratool.traversability.report.drawing import chart, map_picture
+from terratool.traversability.report.roses import rose_path
 from terratool.traversability.report.wording import vehicle_name
 from terratool.traversability.results import (
+    GroundClass,
     Location,
     Preview,
     Reports,
     Route,
     TraversabilityReport,
+    fraction_of,
 )
+from terratool.traversability.route.drifting import corridor
 
 _FOLDER = Path(__file__).parent
 _NAME = 14
@@ -36,9 +42,7 @@ _NAME = 14
 
 def as_page(reports: Reports) -> str:
     """Report, or comparison, as the text of an HTML file; equal from run to run."""
-    pictures = [
-        None if one.preview is None else _picture_of(one, one.preview) for one in reports.reports
-    ]
+    pictures = [list(_pictures_of(one)) for one in reports.reports]
     return render(
         _FOLDER / "page.html.jinja", escape_html, pictures=pictures, **_variables(reports)
     )
@@ -83,9 +87,12 @@ def _variables(reports: Reports) -> dict[str, Any]:
         ),
         "abilities": of_all(tables.abilities),
         "chances": of_all(tables.chances),
+        "loads": of_all(tables.loads),
+        "operations": of_all(tables.operations),
         "contact": of_all(tables.contact),
         "soils": of_all(tables.soils),
         "slips": of_all(tables.slips),
+        "drifts": of_all(tables.drifts),
         "panels": curves.slip_panels(reports),
         "warnings": comparison.merge_sentences(
             reports, lambda one: (f"{name}: {line}" for name, line in tables.warnings(one))
@@ -121,6 +128,13 @@ def _suffix(report: TraversabilityReport, number: int) -> str:
     return str(number) if len(report.routes) > 1 else ""
 
 
+_ROSES = (
+    "Where headings differ, white petals point to where the vehicle can head, go or caution; each "
+    "is as long as the share on which it can, of the ground around it where headings differ."
+)
+"""Caption of the roses of a map."""
+
+
 class _Pin(NamedTuple):
     """Mark on the picture: CSS class, text, and position in % of the width and the height."""
 
@@ -130,8 +144,33 @@ class _Pin(NamedTuple):
     top: float
 
 
-def _picture_of(report: TraversabilityReport, preview: Preview) -> dict[str, Any]:
-    """Variables of the map: the picture, routes and pins over it, a scale, a caption."""
+def _pictures_of(report: TraversabilityReport) -> Iterator[dict[str, Any]]:
+    """Variables of the map of the best heading, and of that of the worst where it differs."""
+    preview, summary = report.preview, report.summary
+    if preview is None or summary is None:
+        return
+    yield {
+        **_picture_of(report, preview, summary.counts),
+        "caption": _caption(report, preview),
+        "of": "best heading",
+        "roses": "",
+    }
+    if preview.worst is None or np.array_equal(preview.worst, preview.ground):
+        return
+    path = rose_path(preview)
+    yield {
+        **_picture_of(report, replace(preview, ground=preview.worst), summary.worst_counts),
+        "caption": f"The verdict of the worst heading at each place. {_ROSES if path else ''}",
+        "of": "worst heading",
+        "heights": "",
+        "roses": path,
+    }
+
+
+def _picture_of(
+    report: TraversabilityReport, preview: Preview, counts: dict[GroundClass, int]
+) -> dict[str, Any]:
+    """Variables of a map: the picture, routes and pins over it, a scale, a legend."""
     reached = None
     if report.reach is not None and report.summary is not None:
         stride = round(preview.grid.resolution / report.summary.grid.resolution)
@@ -143,11 +182,19 @@ def _picture_of(report: TraversabilityReport, preview: Preview) -> dict[str, Any
     drawn += [(route.back, " dashed") for route in report.routes if route.back is not None]
     ways = [(_points(route, preview), style) for route, style in drawn]
     scale = ticks(0.0, width, 4)[1]
+    parts = {ground: fraction_of(counts, ground) for ground in wording.GROUNDS}
     return {
         "width": f"{min(60.0, 44.0 * (width / height)):.4g}",
         "png": base64.b64encode(png(map_picture(preview, reached))).decode("ascii"),
+        "pixels": preview.ground.shape[::-1],
         "ways": [(points, style) for points, style in ways if points],
         "zones": [path for zone in report.keep_out if (path := _outline(zone, preview))],
+        "strips": [
+            _polyline(outline, preview)
+            for route in report.routes
+            if route.profile is not None
+            for outline in corridor(route.profile)
+        ],
         "pins": _pins(report, _source(report), preview),
         "x_axis": _axis(west, east),
         "y_axis": [(100.0 - at, text) for at, text in _axis(south, north)],
@@ -155,11 +202,15 @@ def _picture_of(report: TraversabilityReport, preview: Preview) -> dict[str, Any
         "scale": scale,
         "scale_width": 100.0 * scale / width,
         "heights": _heights(preview),
-        "caption": _caption(report, preview, reached is not None),
+        "legend": [
+            (ground.label, part)
+            for ground, part in parts.items()
+            if ground in (GroundClass.GO, GroundClass.CAUTION, GroundClass.NO_GO) or part
+        ],
     }
 
 
-def _caption(report: TraversabilityReport, preview: Preview, outlined: bool) -> str:
+def _caption(report: TraversabilityReport, preview: Preview) -> str:
     caption = "The verdict of the best heading at each place, over the hills in light from the "
     caption += "north-west"
     factor = exaggeration(preview.heights, preview.grid.resolution)
@@ -170,7 +221,13 @@ def _caption(report: TraversabilityReport, preview: Preview, outlined: bool) -> 
     if report.keep_out:
         names = join_words([quote(zone.name) for zone in report.keep_out])
         caption += f" Dotted outlines: keep-out {names}."
-    if outlined:
+    if any(
+        route.profile is not None and any(True for _ in corridor(route.profile))
+        for route in report.routes
+    ):
+        caption += " Beside a way lies the strip over which the vehicle drifts downhill if nobody "
+        caption += "steers against it between two corners."
+    if report.reach is not None and report.summary is not None:
         caption += f" Blue is the rim of what can be reached from {_source(report)}."
     binding = ", ".join(f"{reason} {part}" for reason, part in tables.reasons(report).rows[:5])
     if binding:
@@ -207,8 +264,13 @@ def _points(route: Route, preview: Preview) -> str:
     """Points of a route in thousandths of the picture's sides; empty where it has no length."""
     if route.profile is None or len(route.profile.x) < 2:
         return ""
+    return _polyline(np.column_stack([route.profile.x, route.profile.y]), preview)
+
+
+def _polyline(line: NDArray[np.float64], preview: Preview) -> str:
+    """Points of a line, (n, 2) m, in thousandths of the picture's sides."""
     points: list[str] = []
-    for x, y in zip(route.profile.x.tolist(), route.profile.y.tolist(), strict=True):
+    for x, y in line.tolist():
         right, down = _position(x, y, preview)
         point = f"{1000.0 * right:.1f},{1000.0 * down:.1f}"
         if not points or point != points[-1]:

@@ -22,6 +22,7 @@ from terratool.traversability.results import (
     TraversabilityReport,
     Verdict,
 )
+from terratool.traversability.route.drifting import corridor
 
 Feature = dict[str, Any]
 
@@ -48,8 +49,9 @@ def route_features(routes: Sequence[Route]) -> Iterator[Feature]:
     """Yield features of routes, of their stretches, and of their places.
 
     `kind` of a feature is "route", "stretch" (of one surface, element, verdict and reason),
-    "start", "goal", or "barrier". `route` counts the routes from 1, and `alternative` those of a
-    route; a way back has `back`. Coordinates are those of the terrain. Unknown values are null.
+    "drift" (the ground between the route and where it drifts to), "start", "goal", or "barrier".
+    `route` counts the routes from 1, and `alternative` those of a route; a way back has `back`.
+    Coordinates are those of the terrain. Unknown values are null.
     """
     for number, route in enumerate(routes, 1):
         yield from _features(route, {"route": number, "back": False})
@@ -71,6 +73,7 @@ def _features(route: Route, own: dict[str, Any]) -> Iterator[Feature]:
     yield _feature(_line(route), {"kind": "route", **own, **_summary(route)})
     if route.profile is not None:
         yield from _stretches(route.profile, own)
+        yield from _strip(route, own)
     for kind, place in (("start", route.start), ("goal", route.goal)):
         yield _feature(_point(place), {"kind": kind, **own, **_ground(place)})
     for bar in route.barriers:
@@ -93,6 +96,9 @@ def _summary(route: Route) -> dict[str, Any]:
         "time_s": exact(route.time),
         "energy_J": exact(route.energy),
         "turning_J": exact(route.turning),
+        "drift_m": exact(route.drift.value) if route.drift else None,
+        "drift_total_m": exact(route.drift_total),
+        "charge": None if route.charge is None else exact(route.charge.share),
         "note": route.note or None,
         **({} if route.shared is None else {"shared": exact(route.shared)}),
         **chances,
@@ -127,6 +133,18 @@ def _stretches(profile: RouteProfile, own: dict[str, Any]) -> Iterator[Feature]:
                 },
             )  # fmt: skip
         begin = end
+
+
+def _strip(route: Route, own: dict[str, Any]) -> Iterator[Feature]:
+    """The feature of the ground between a route and where it drifts to; none if it hardly does."""
+    assert route.profile is not None
+    outlines = [[[*outline.tolist(), outline[0].tolist()]] for outline in corridor(route.profile)]
+    if outlines and route.drift is not None:
+        uphill = None if route.crab is None else exact(math.degrees(route.crab.value))
+        yield _feature(
+            {"type": "MultiPolygon", "coordinates": outlines},
+            {"kind": "drift", **own, "drift_m": exact(route.drift.value), "crab_deg": uphill},
+        )
 
 
 def _barrier(bar: Barrier, kind: str, own: dict[str, Any]) -> Feature:

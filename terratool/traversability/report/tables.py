@@ -49,7 +49,7 @@ def abilities(report: TraversabilityReport) -> Table:
         report,
         (Column("on the level", False), lambda f: f.verdict),
         (Column("what binds", False), what_binds),
-        (Column("climb"), lambda f: numbers.degrees(f.climb)),
+        (Column("climb"), wording.climb),
         (Column("climb limited by", False), lambda f: wording.because(f.climb_binding)),
         (Column("cross-slope"), lambda f: numbers.degrees(f.cross_slope)),
         (Column("cross-slope limited by", False), lambda f: wording.because(f.cross_slope_binding)),
@@ -60,6 +60,40 @@ def abilities(report: TraversabilityReport) -> Table:
         (Column("turn by 90°"), wording.quarter_turn),
         (Column("slip in turning"), lambda f: numbers.share(f.turning_slip)),
     )
+
+
+def operations(report: TraversabilityReport) -> Table:
+    """Table of energy, ranges and stopping on the level of each surface."""
+    vehicle = report.vehicle
+    ranged = (Column("range on a charge"), lambda f: numbers.length(f.driving_range))
+    slowed = (Column("speed to stop in time, m/s"), lambda f: numbers.number(f.speed_limit))
+    return _by_surface(
+        report,
+        (Column("rolling resistance"), lambda f: numbers.number(f.rolling)),
+        (Column("energy, Wh/km"), lambda f: _scaled_text(f.energy, 1.0 / 3.6)),
+        *((ranged,) if vehicle.battery else ()),
+        (Column("braking"), lambda f: numbers.number(f.braking)),
+        (Column("stops within"), lambda f: wording.stop(f.stopping)),
+        *((slowed,) if math.isfinite(vehicle.stopping_distance) else ()),
+    )
+
+
+def loads(report: TraversabilityReport) -> Table:
+    """Table of what the vehicle can do on each surface with the worst and the best of its loads."""
+    columns = (
+        Column("surface", False), Column("climb"), Column("across"), Column("step"),
+        Column("least with", False),
+    )  # fmt: skip
+    rows = []
+    for figures in report.surfaces:
+        if (found := figures.loads) is not None:
+            spans = (
+                (found.climb, numbers.degrees), (found.cross_slope, numbers.degrees),
+                (found.step, numbers.length),
+            )  # fmt: skip
+            texts = (" to ".join(map(words, span)) for span, words in spans)
+            rows.append((title(figures), *texts, wording.load(found.load)))
+    return Table(columns, tuple(rows))
 
 
 def contact(report: TraversabilityReport) -> Table:
@@ -113,6 +147,18 @@ def slips(report: TraversabilityReport) -> Table:
     return Table(
         columns, tuple((title(one), *(_slip_on(one, slope) for slope in slopes)) for one in known)
     )
+
+
+def drifts(report: TraversabilityReport) -> Table:
+    """Table of the crab angle on side slopes of 5, 10° and so on, as far as the vehicle crosses."""
+    known = [(title(one), one.drift_curve) for one in report.surfaces if one.drift_curve]
+    slopes = max((curve.slope for _, curve in known), key=len, default=())
+    columns = (Column("surface", False), *(Column(f"{math.degrees(one):.0f}°") for one in slopes))
+    rows = []
+    for name, curve in known:
+        beyond = [numbers.NOTHING] * (len(slopes) - len(curve.slope))
+        rows.append((name, *map(numbers.degrees, curve.crab), *beyond))
+    return Table(columns, tuple(rows))
 
 
 def _slip_on(figures: Figures, slope: int) -> str:
@@ -242,6 +288,12 @@ def journey(route: Route) -> Iterator[tuple[str, str]]:
         if text != numbers.NOTHING:
             part = wording.turning_share(route) if name == "energy" else ""
             yield name, f"{text}, {part}" if part else text
+    if used := wording.charge_used(route):
+        yield "battery", used
+    if route.stop is not None:
+        yield "longest stop", f"{wording.stop(route.stop.value)}, {wording.where(route.stop.place)}"
+    if slow := wording.slow_phrase(route):
+        yield "slowest to stop in time", slow
     if route.steepest is not None:
         pitch = route.steepest.value
         way = (" up" if pitch > 0 else " down") if pitch else ""
@@ -250,6 +302,8 @@ def journey(route: Route) -> Iterator[tuple[str, str]]:
     if route.softest is not None:
         sunk = numbers.length(route.softest.value)
         yield "softest", f"{sunk} of sinkage at {wording.where(route.softest.place)}"
+    if drift := wording.drifts(route).removeprefix("; drifts "):
+        yield "drift", f"{drift}; {numbers.length(route.drift_total)} in all"
     if caution := wording.caution_length(route):
         yield "caution", f"on {caution}"
     if route.least_chance is not None and route.chance is not None:
@@ -291,6 +345,7 @@ def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
         yield "load", numbers.quantity(vehicle.weight, "N")
     else:
         yield "mass", numbers.quantity(vehicle.mass, "kg")
+        yield "loads", "; ".join(map(wording.load, vehicle.loads))
         gravity = numbers.quantity(vehicle.gravity, "m/s²")
         yield "weight", f"{numbers.quantity(vehicle.weight, 'N')} at {gravity}"
         yield "axles", "; ".join(map(_axle, vehicle.axles))
@@ -304,17 +359,31 @@ def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
                 yield name, f"{numbers.length(end.length)}, {numbers.length(end.height)} high"
     yield "speed", numbers.quantity(vehicle.speed, "m/s")
     yield "power drawn all the time", numbers.quantity(vehicle.power, "W") if vehicle.power else ""
+    if math.isfinite(vehicle.max_drift):
+        yield "largest drift", numbers.length(vehicle.max_drift)
+    yield "efficiency", numbers.share(vehicle.efficiency) if vehicle.efficiency < 1.0 else ""
+    if vehicle.battery is not None:
+        unused = f", {numbers.share(vehicle.battery.reserve)} of it kept"
+        charge = numbers.energy(vehicle.battery.capacity)
+        yield "battery", f"{charge}{unused if vehicle.battery.reserve else ''}"
+    if math.isfinite(vehicle.stopping_distance):
+        yield "is to stop within", numbers.length(vehicle.stopping_distance)
+    late = vehicle.reaction_time
+    yield "reaction time", numbers.duration(late) if late else ""
     kept = (
         ("clearance", margins.clearance, numbers.length), ("step", margins.step, numbers.length),
         ("tip-over", margins.tip, numbers.degrees), ("slope", margins.slope, numbers.degrees),
+        ("slope on soft soil", margins.soil, numbers.degrees),
     )  # fmt: skip
     reserve = ", ".join(f"{name} {words(value)}" for name, value, words in kept if value)
     yield "kept in reserve", reserve
     go = f"{numbers.share(limits.utilisation)} of the soil’s strength, slip "
     go += f"{numbers.share(limits.slip)}, {numbers.share(limits.torque)} of the torque, "
-    yield "go up to", f"{go}{numbers.share(limits.geometry)} of a limit of shape"
+    go += f"{numbers.share(limits.geometry)} of a limit of shape, a drift of "
+    yield "go up to", f"{go}{numbers.degrees(limits.drift)}"
     caution = f"all of the soil’s strength, slip {numbers.share(limits.caution_slip)}, all of the "
-    yield "caution up to", f"{caution}torque, all of a limit of shape"
+    caution += "torque, all of a limit of shape, a drift of "
+    yield "caution up to", f"{caution}{numbers.degrees(limits.caution_drift)}"
 
 
 def title(figures: Figures) -> str:

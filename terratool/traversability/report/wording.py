@@ -26,8 +26,9 @@ from terratool.traversability.results import (
     Route,
     TraversabilityReport,
     Verdict,
+    fraction_of,
 )
-from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle import Load, Vehicle
 
 GROUNDS = (
     GroundClass.GO,
@@ -50,6 +51,12 @@ _PHRASES = {
     GroundClass.EDGE: "lies at the edge, where the ground ends under the vehicle or in its way",
 }
 
+_DRIFT = 0.05
+"""Least drift that is said, m."""
+
+_MUCH = 0.1
+"""Difference of shares by the best and by the worst heading that is said."""
+
 EXAMPLE = {"cohesion": 1.72, "fricAngle": 29, "sinkage": 0.0397}
 """Figures of the soil of `PRESET`, an example for surfaces without a soil."""
 PRESET = "sandy-loam-15"
@@ -61,6 +68,58 @@ def turning_share(route: Route) -> str:
     if not (route.turning and route.energy and math.isfinite(route.energy)):
         return ""
     return f"{numbers.share(route.turning / route.energy)} of it for turns on the spot"
+
+
+def climb(figures: Figures) -> str:
+    """Largest climb, with its error band where the model has one; a dash for none."""
+    if figures.climb is None or not figures.climb_error:
+        return numbers.degrees(figures.climb)
+    return f"{numbers.degrees(figures.climb)} ± {numbers.degrees(figures.climb_error)}"
+
+
+def charge_used(route: Route) -> str:
+    """Phrase on the share of a charge that a route uses; empty where that is not known."""
+    used = route.charge
+    if used is None:
+        return ""
+    back = " there and back" if route.back is not None and route.back.found else ""
+    line = f"{numbers.share(used.share)} of a charge{back}"
+    if used.verdict == Verdict.CAUTION:
+        line += f", of which {numbers.share(used.reserve)} is to be kept"
+    return line
+
+
+def load(one: Load) -> str:
+    """Phrase on a load: mass and centre of gravity."""
+    line = f"{numbers.quantity(one.mass, 'kg')}, centre of gravity {numbers.length(one.cog_height)}"
+    side = "" if not one.ahead else " ahead" if one.ahead > 0.0 else " behind"
+    shifted = f" and {numbers.length(abs(one.ahead))}{side}" if side else ""
+    return f"{line} high{shifted}"
+
+
+def empty_battery(route: Route) -> str:
+    """Sentence on a battery that does not last for a route; empty where it does."""
+    used = route.charge
+    if used is None or used.verdict != Verdict.NO_GO:
+        return ""
+    line = f"But the battery does not last: it takes {charge_used(route)}"
+    if used.emptied is None:
+        return f"{line}, and is empty on the way back."
+    place = coordinates(used.emptied.place)
+    return f"{line}, and is empty after {numbers.length(used.emptied.value)}, at {place}."
+
+
+def stop(metres: float | None) -> str:
+    """Distance to stop; "cannot stop" for infinity."""
+    return "cannot stop" if metres == math.inf else numbers.length(metres)
+
+
+def slow_phrase(route: Route) -> str:
+    """Phrase on the least speed that stops in time; empty where the vehicle's own speed does."""
+    profile, slowest = route.profile, route.slowest
+    if profile is None or slowest is None or slowest.value >= float(profile.speed.max()):
+        return ""
+    return f"{numbers.quantity(slowest.value, 'm/s')} at {coordinates(slowest.place)}"
 
 
 def quarter_turn(figures: Figures) -> str:
@@ -137,6 +196,17 @@ def margin(extreme: Extreme) -> str:
     return f"{left}{which}, at {where(extreme.place)}"
 
 
+def drifts(route: Route) -> str:
+    """Phrase on the drift of a route on side slopes; empty where it hardly drifts."""
+    if route.drift is None or route.drift.value < _DRIFT:
+        return ""
+    line = f"; drifts {numbers.length(route.drift.value)} downhill"
+    line += ", more than its maxDrift," * route.strays
+    line += f" by {coordinates(route.drift.place)}"
+    far = "" if route.crab is None else f"up to {numbers.degrees(route.crab.value)} "
+    return f"{line} unless it heads {far}uphill"
+
+
 def caution_length(route: Route) -> str:
     """Phrase on the length of a route that is caution, with reasons; empty for none."""
     profile = route.profile
@@ -197,18 +267,25 @@ def _way(route: Route) -> str:
         return f"{what}: {barrier(route.barriers[0])}{rest}."
     what = "There is a way" if route.planned else "The way through the waypoints can be driven"
     line = f"{what} from {ends(route)}: {_journey(route)}"
+    if route.charge is not None and route.charge.verdict != Verdict.NO_GO:
+        line += f", {charge_used(route)}"
+    if slow := slow_phrase(route):
+        line += f"; to stop in time no faster than {slow}"
     if caution := caution_length(route):
         line += f"; caution on {caution}"
     if route.least_chance is not None and route.chance is not None:
         line += f"; probability of go {numbers.share(route.chance)} for all of it"
         line += f", least {numbers.share(route.least_chance.value)}"
         line += f" at {coordinates(route.least_chance.place)}"
+    line += drifts(route)
     if route.tightest is not None:
         reason = route.tightest.reason
         of = f" ({reason.label})" if reason != Reason.NONE else ""
         line += f"; least margin {numbers.share(max(route.tightest.value, 0.0))}{of}"
         line += f" at {coordinates(route.tightest.place)}"
-    return f"{line}."
+        if route.load is not None:
+            line += f", with a load of {load(route.load)}"
+    return f"{line}. {empty_battery(route)}".rstrip()
 
 
 def headings_line(route: Route) -> str:
@@ -327,11 +404,17 @@ def slip_unknown(report: TraversabilityReport) -> str:
     """Sentence on why and where slip is not known; empty where it is."""
     if report.vehicle.model == "paper":
         return "There is no slip in the model paper."
-    names = [name(one.surface) for one in report.surfaces if one.load and one.slip_curve is None]
-    if not names:
-        return ""
-    have = "has" if len(names) == 1 else "have"
-    return f"Slip is not known on {join_words(names)}, which {have} no shearModulus."
+    without = [one for one in report.surfaces if one.load and one.slip_curve is None]
+    hard = [name(one.surface) for one in without if not one.sinkage_rate]
+    soft = [name(one.surface) for one in without if one.sinkage_rate]
+    parts = []
+    if soft:
+        have = "has" if len(soft) == 1 else "have"
+        parts.append(f"Slip is not known on {join_words(soft)}, which {have} no shearModulus.")
+    if hard:
+        yields = "does" if len(hard) == 1 else "do"
+        parts.append(f"Slip counts as none on {join_words(hard)}, which {yields} not yield.")
+    return " ".join(parts)
 
 
 def slip_caption(vehicle: Vehicle) -> str:
@@ -340,7 +423,8 @@ def slip_caption(vehicle: Vehicle) -> str:
     kept = f", which keeps {numbers.degrees(reserve)} in reserve" if reserve else ""
     return (
         "Slip of the wheel that slips most, by the slope that the vehicle drives straight up, or "
-        f"down. A dot is the largest climb{kept}; what lies beyond it is pale."
+        f"down. A dot is the largest climb{kept}; what lies beyond it is pale. The area along a "
+        "curve is its error band."
     )
 
 
@@ -380,7 +464,9 @@ def conclusion(report: TraversabilityReport) -> str:
         edge = f"The edge of the terrain, {part} of the ground, does not count."
     inner = counts - {GroundClass.EDGE} or counts
     if inner == {GroundClass.GO}:
-        text = "All of the ground is go, with the best heading at each place."
+        every = fraction_of(summary.worst_counts, GroundClass.GO)
+        text = "All of the ground is go, with the best heading at each place"
+        text += f"; {numbers.share(every)} with every heading." if every < 1.0 else "."
         return " ".join(filter(None, (text, likely_line(report), edge)))
     if inner == {GroundClass.UNKNOWN}:
         return " ".join(filter(None, ("Nothing is known of the ground.", lacking(report), edge)))
@@ -389,7 +475,16 @@ def conclusion(report: TraversabilityReport) -> str:
         for ground in GROUNDS
         if ground in inner
     ]
-    text = join_words([parts[0].replace(" %", " % of the ground", 1), *parts[1:]])
+    parts[0] = parts[0].replace(" %", " % of the ground", 1)
+    text = join_words(parts)
+    every = fraction_of(summary.worst_counts, GroundClass.GO)
+    if GroundClass.GO in inner and summary.fraction(GroundClass.GO) - every > _MUCH:
+        first = f"{parts[0]} with the best heading, {numbers.share(every)} with every heading"
+        text = "; ".join(filter(None, (first, join_words(parts[1:]))))
+    elif (barred := fraction_of(summary.worst_counts, GroundClass.NO_GO)) - summary.fraction(
+        GroundClass.NO_GO
+    ) > _MUCH:
+        text += f"; {numbers.share(barred)} is no-go with the worst heading"
     about, lost = {GroundClass.GO, GroundClass.CAUTION}, {GroundClass.ONE_WAY, GroundClass.CUT_OFF}
     if not counts & about and counts & lost:
         text = f"There is no place that the vehicle can drive to and back from: {text}"

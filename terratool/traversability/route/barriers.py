@@ -20,6 +20,7 @@ from terratool.traversability.results import Barrier, Reason, Survey
 from terratool.traversability.route.graph import drivable, turnable, turning_arc
 from terratool.traversability.route.paths import Path, location_at
 from terratool.traversability.soil import soils, turnings
+from terratool.traversability.stopping import brakes_of
 from terratool.traversability.tiles import SurveyTiles
 from terratool.traversability.turning import Turning
 from terratool.traversability.vehicle import Vehicle
@@ -58,17 +59,20 @@ class RouteSite:
         vehicle: the vehicle.
         tiles: the survey.
         turns: turning on the spot on each surface, by id.
+        brakes: braking on each surface, by id, as of `stopping.braking`.
     """
 
     terrain: Terrain
     vehicle: Vehicle
     tiles: SurveyTiles
     turns: tuple[Turning, ...]
+    brakes: NDArray[np.float64]
 
     @classmethod
     def of(cls, terrain: Terrain, vehicle: Vehicle, tiles: SurveyTiles) -> RouteSite:
-        """A site with the turning of the vehicle on each surface."""
-        return cls(terrain, vehicle, tiles, turnings(terrain, vehicle))
+        """A site with the turning and braking of the vehicle on each surface."""
+        brakes = brakes_of(vehicle, soils(terrain, vehicle))
+        return cls(terrain, vehicle, tiles, turnings(terrain, vehicle), brakes)
 
     @property
     def survey(self) -> Survey:

@@ -15,6 +15,7 @@ from terratool.errors import RequestError
 from terratool.kernels import traversability as kernels
 from terratool.text.meaning import guess
 from terratool.traversability.results import Survey, Verdict
+from terratool.traversability.stopping import speeds
 from terratool.traversability.turning import Turning
 from terratool.traversability.vehicle import Vehicle
 
@@ -78,19 +79,21 @@ def drivable(survey: Survey, part: Any = np.s_[:, :]) -> NDArray[np.bool_]:
     return np.asarray(go & np.isfinite(survey.heights[part]) & np.isfinite(survey.energy[:, *part]))
 
 
-def seconds_per_metre(slip: NDArray[np.float32], vehicle: Vehicle) -> NDArray[np.float32]:
+def seconds_per_metre(slip: NDArray[np.float32], speed: Any) -> NDArray[np.float32]:
     """Seconds for a metre at a slip, in the slip's shape: 1 / (speed · (1 − slip)).
 
-    An unknown slip (NaN) counts as 0; a slip of 1 gives infinity.
+    The speed, m/s, is one number, or one for each slip, as `stopping.speeds` has it. An unknown
+    slip (NaN) counts as 0; a slip of 1 gives infinity.
     """
     grip = 1.0 - np.clip(np.nan_to_num(slip, nan=0.0), 0.0, 1.0)
     with np.errstate(divide="ignore"):
-        return np.asarray(1.0 / (vehicle.speed * grip), np.float32)
+        return np.asarray(1.0 / (speed * grip), np.float32)
 
 
-def joules_per_metre(energy: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Joules of the wheels for a metre, not below 0: energy gained downhill is lost."""
-    return np.maximum(energy, np.float32(0.0))
+def joules_per_metre(energy: NDArray[np.float32], vehicle: Vehicle) -> NDArray[np.float32]:
+    """Joules that motors draw for a metre, not below 0: energy gained downhill is lost."""
+    drawn = np.maximum(energy, np.float32(0.0)) / np.float32(vehicle.efficiency)
+    return np.asarray(drawn, np.float32)
 
 
 def turning_arc(survey: Survey, vehicle: Vehicle) -> float:
@@ -102,29 +105,33 @@ def turning_arc(survey: Survey, vehicle: Vehicle) -> float:
 
 
 def rates(
-    survey: Survey, vehicle: Vehicle, prefer: str, part: Any = np.s_[:, :]
-) -> NDArray[np.float32]:
+    survey: Survey, vehicle: Vehicle, prefer: str, part: Any = np.s_[:, :],
+    brakes: NDArray[np.float64] | None = None,
+) -> NDArray[np.float32]:  # fmt: skip
     """Cost of a metre for a search, (headings, height, width) float32, or of a part of the cells.
 
     `length` counts metres, `energy` joules. `time` and `margin` count seconds times 1 + p·u² + q,
     u being the utilisation, q for caution only: p and q are 1 each for `time`, 20 and 50 for
-    `margin`.
+    `margin`. Where `brakes` by surface are given, speeds are those that stop in time.
 
     Raises:
         RequestError: there is no such preference.
     """
     check_preference(prefer)
+    speed: Any = vehicle.speed
+    if brakes is not None and prefer != "length":
+        speed = speeds(survey, vehicle, brakes, (slice(None), *part))
     verdict, slip = survey.verdict[:, *part], survey.slip[:, *part]
     if prefer == "length":
         return np.ones(verdict.shape, np.float32)
     if prefer == "energy":
-        rate = joules_per_metre(survey.energy[:, *part])
-        rate = rate + vehicle.power * seconds_per_metre(slip, vehicle)
+        rate = joules_per_metre(survey.energy[:, *part], vehicle)
+        rate = rate + vehicle.power * seconds_per_metre(slip, speed)
     else:
         caution, limit = _PRICES[prefer]
         used = np.clip(np.nan_to_num(survey.utilisation[:, *part], nan=1.0), 0.0, 1.0)
         price = 1.0 + limit * used**2 + caution * (verdict == Verdict.CAUTION)
-        rate = seconds_per_metre(slip, vehicle) * price
+        rate = seconds_per_metre(slip, speed) * price
     return np.asarray(np.maximum(rate, _LEAST), np.float32)
 
 
@@ -155,7 +162,8 @@ def turn_prices(
         metres = np.full_like(run, TURN_LENGTH * turning_arc(survey, vehicle))
     elif prefer == "energy":
         work = np.array([turn.work for turn in turns])
-        fixed = np.maximum(angle * (work + vehicle.power * run / vehicle.speed), _LEAST * stand)
+        drawn = work / vehicle.efficiency + vehicle.power * run / vehicle.speed
+        fixed = np.maximum(angle * drawn, _LEAST * stand)
         metres = np.zeros_like(run)
     if prefer != "energy":
         metres = np.maximum(metres, stand)

@@ -180,7 +180,7 @@ class WayFinder:
             few = headings == self.tiles.survey.headings
             self.progress.say(f"looking for ways{'' if few else f' with {headings} headings'}")
         if headings not in self._made:
-            grid, own = self.tiles.survey.grid, (self.tiles.samples, self.tiles.zones)
+            grid, own = self.tiles.survey.grid, (self.tiles.uncertainty, self.tiles.zones)
             surveyor = Surveyor(self._terrain, self._vehicle, grid, headings, *own)
             self._made[headings] = SurveyTiles(surveyor, threads=self._threads)
         self._made[headings].progress = self.progress

@@ -30,6 +30,7 @@ from terratool.traversability.results import (
     Survey,
     Verdict,
 )
+from terratool.traversability.route.drifting import drift_along
 from terratool.traversability.route.graph import (
     arc_of,
     cells_between,
@@ -38,6 +39,7 @@ from terratool.traversability.route.graph import (
     joules_per_metre,
     seconds_per_metre,
 )
+from terratool.traversability.stopping import deceleration, speeds, stopping_distance
 from terratool.traversability.turning import Turning
 from terratool.traversability.vehicle import Vehicle
 
@@ -89,12 +91,21 @@ class DrivingCost:
         time: driving time, s.
         energy: energy of the wheels and of the power drawn all the time, J.
         turning: part of the energy that turns on the spot take, J.
+        times: (n,) time since the start at each sample, s.
+        energies: (n,) energy since the start at each sample, J.
+        speed: (n,) speed of the treads at each sample, m/s, as of `stopping.speeds`.
+        stopping: (n,) distance to stop from the vehicle's speed at each sample, m; NaN on unknown
+            soil.
     """
 
     length: float
     time: float
     energy: float
     turning: float
+    times: NDArray[np.float64]
+    energies: NDArray[np.float64]
+    speed: NDArray[np.float64]
+    stopping: NDArray[np.float64]
 
 
 def graph_path(states: NDArray[np.int64], survey: Survey, radius: float = 0.0) -> Path:
@@ -388,13 +399,15 @@ def cells_of(grid: Grid, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[Any], NDAr
 
 
 def driving_cost(
-    path: Path, survey: Survey, vehicle: Vehicle, turns: Sequence[Turning]
-) -> DrivingCost:
+    path: Path, survey: Survey, vehicle: Vehicle, turns: Sequence[Turning],
+    brakes: NDArray[np.float64],
+) -> DrivingCost:  # fmt: skip
     """The cost of driving a path.
 
     One half of each leg is driven as at its beginning, the other as at its end. The length of a leg
     over ground takes in the heights of its ends. A turn takes the work and the time of
-    `turn_on_spot` on the surface under the vehicle's middle, `turns` by id, as on the level.
+    `turn_on_spot` on the surface under the vehicle's middle, `turns` by id, as on the level. Speeds
+    are those that stop in time by `brakes`, by id of the surface.
     """
     run = path.leg_lengths
     rise = np.nan_to_num(np.diff(path.height))
@@ -408,21 +421,44 @@ def driving_cost(
 
     driven = run > 0.0
     way = 0.5 * length[driven]
-    seconds = [seconds_per_metre(slip, vehicle) for slip in values_at_ends(survey.slip)]
-    joules = [joules_per_metre(energy) for energy in values_at_ends(survey.energy)]
-    time = float((way * (seconds[0] + seconds[1])).sum())
-    energy = float((way * (joules[0] + joules[1])).sum()) + vehicle.power * time
+    ends = [
+        (path.judged[1:], path.row[:-1], path.column[:-1]),
+        (path.judged[1:], path.row[1:], path.column[1:]),
+    ]
+    fast = [np.broadcast_to(speeds(survey, vehicle, brakes, at), run.shape)[driven] for at in ends]
+    seconds = [
+        seconds_per_metre(slip, speed)
+        for slip, speed in zip(values_at_ends(survey.slip), fast, strict=True)
+    ]
+    joules = [joules_per_metre(energy, vehicle) for energy in values_at_ends(survey.energy)]
+    own_time, own_energy = way * (seconds[0] + seconds[1]), way * (joules[0] + joules[1])
+    time = float(own_time.sum())
+    energy = float(own_energy.sum()) + vehicle.power * time
     on = survey.surfaces[path.row[1:], path.column[1:]][~driven]
     turned = (np.diff(path.direction)[~driven] + 180.0) % 360.0 - 180.0
     angle = np.radians(np.abs(turned))
-    turning_time = float(angle @ np.array([turns[id_].run for id_ in on])) / vehicle.speed
-    turning = float(angle @ np.array([turns[id_].work for id_ in on]))
-    turning += vehicle.power * turning_time
-    return DrivingCost(float(length.sum()), time + turning_time, energy + turning, turning)
+    turn_time = angle / vehicle.speed * np.array([turns[surface].run for surface in on])
+    turn_work = angle / vehicle.efficiency * np.array([turns[surface].work for surface in on])
+    turning_time = float(turn_time.sum())
+    turning = float(turn_work.sum()) + vehicle.power * turning_time
+    by_leg = np.zeros((2, len(run)))
+    by_leg[0, driven], by_leg[0, ~driven] = own_time, turn_time
+    by_leg[1, driven], by_leg[1, ~driven] = own_energy, turn_work
+    by_leg[1] += vehicle.power * by_leg[0]
+    states = path.judged, path.row, path.column
+    ground = brakes[survey.surfaces[path.row, path.column]]
+    slowing = deceleration(ground, vehicle.gravity, survey.pitch[states], survey.roll[states])
+    speed = np.broadcast_to(speeds(survey, vehicle, brakes, states), path.x.shape)
+    times, energies = np.cumsum(np.pad(by_leg, ((0, 0), (1, 0))), axis=1)
+    return DrivingCost(
+        float(length.sum()), time + turning_time, energy + turning, turning, times, energies,
+        speed.astype(np.float64),
+        np.where(np.isnan(slowing), np.nan, stopping_distance(vehicle, slowing)),
+    )  # fmt: skip
 
 
-def profile(path: Path, survey: Survey, terrain: Terrain) -> RouteProfile:
-    """The profile of a path for reports."""
+def profile(path: Path, survey: Survey, terrain: Terrain, cost: DrivingCost) -> RouteProfile:
+    """The profile of a path for reports, with what its driving costs."""
     names = ("", *terrain.surfaces)
     facing = path.heading, path.row, path.column
     # the slopes of the plane under the vehicle, along and across the direction it looks in
@@ -430,6 +466,14 @@ def profile(path: Path, survey: Survey, terrain: Terrain) -> RouteProfile:
     along, left = (
         np.tan(plane[facing].astype(np.float64)) for plane in (survey.pitch, survey.roll)
     )
+
+    def uphill(judged: NDArray[np.int64], cells: slice) -> NDArray[np.float64]:
+        """Crab angles to the left; a roll above 0 has the left side up."""
+        at = judged, path.row[cells], path.column[cells]
+        return np.copysign(survey.crab[at], survey.roll[at]).astype(np.float64)
+
+    crab = uphill(path.judged, np.s_[:])
+    begins = uphill(path.judged[1:], np.s_[:-1])
     return RouteProfile(
         path.x,
         path.y,
@@ -448,7 +492,11 @@ def profile(path: Path, survey: Survey, terrain: Terrain) -> RouteProfile:
             terrain.pointer(element) or "" if element >= 0 else ""
             for element in terrain.sample(path.x, path.y).element.tolist()
         ),
-    )
+        crab,
+        drift_along(path.x, path.y, begins, crab[1:]),
+        path.values_of(survey.reserve).astype(np.float64),
+        cost.stopping, cost.speed, cost.times, cost.energies,
+    )  # fmt: skip
 
 
 def find_extreme(

@@ -37,6 +37,7 @@ from terratool.traversability.route.barriers import (
     barriers,
     blockage_at,
 )
+from terratool.traversability.route.drifting import drift_total
 from terratool.traversability.route.graph import (
     ALLOWED,
     BACKING,
@@ -79,7 +80,7 @@ from terratool.traversability.route.reach import (
 from terratool.traversability.soil import turnings
 from terratool.traversability.survey import coarsest_resolution
 from terratool.traversability.tiles import SurveyTiles, part_of
-from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle import Load, Vehicle
 
 MOST_STATES = 6_000_000
 """Most states, headings times cells, of a route's grid."""
@@ -259,9 +260,13 @@ class RouteSearch:
             corners = pulled(self.costs, self.found, both, self.near)
             path = pulled_path(corners, survey) if len(corners) > 1 else chain
             one_way = not _leads_back(path, self.on)
-            if not one_way or not _leads_back(chain, self.on):
-                return _with_way(route, path, self.on, one_way)
-        return _with_way(route, chain, self.on, False)
+            if one_way and _leads_back(chain, self.on):
+                continue
+            # longer legs drift farther between two corners
+            found = _with_way(route, path, self.on, one_way)
+            if not found.strays:
+                return found
+        return _with_way(route, chain, self.on, not _leads_back(chain, self.on))
 
     def route(self) -> Route:
         """The route with its way, or with barriers, which take a second search."""
@@ -331,9 +336,9 @@ def check_route(
     before = location_at(
         terrain, float(path.x[max(first - 1, 0)]), float(path.y[max(first - 1, 0)])
     )
-    return replace(
-        _with_barriers(route, found, before), profile=profile(path, tiles.survey, terrain)
-    )
+    cost = driving_cost(path, tiles.survey, vehicle, on.turns, on.brakes)
+    along_it = profile(path, tiles.survey, terrain, cost)
+    return replace(_with_barriers(route, found, before), profile=along_it)
 
 
 def with_way_back(route: Route, back: Route) -> Route:
@@ -341,10 +346,17 @@ def with_way_back(route: Route, back: Route) -> Route:
 
     One-way stretches are no reason for caution where there is another way back.
     """
+
+    def own(one: Route) -> Verdict:
+        """The verdict of a way by itself."""
+        if one.profile is None:
+            return one.verdict
+        worst = worst_verdict(one.profile.verdict)
+        return Verdict.CAUTION if worst == Verdict.GO and one.strays else worst
+
     if back.profile is not None and back.found:
-        back = replace(back, one_way=False, against=(), verdict=worst_verdict(back.profile.verdict))
-    own = route.verdict if route.profile is None else worst_verdict(route.profile.verdict)
-    both = (own, back.verdict if back.found else Verdict.NO_GO)
+        back = replace(back, one_way=False, against=(), verdict=own(back))
+    both = (own(route), back.verdict if back.found else Verdict.NO_GO)
     return replace(route, back=back, verdict=max(both, key=RANKS.__getitem__))
 
 
@@ -402,7 +414,7 @@ def _costs(on: RouteSite, prefer: Preference) -> tuple[Costs, Callable[[Any], No
     def fill(part: Any) -> None:
         """Fill in the costs of a part of the cells."""
         costs.flags[:, *part] = state_flags(survey, drivable(survey, part), part)
-        costs.rate[:, *part] = rates(survey, vehicle, prefer, part)
+        costs.rate[:, *part] = rates(survey, vehicle, prefer, part, on.brakes)
         costs.turn[part] = prices.fixed[survey.surfaces[part]]
         costs.runs[part] = prices.metres[survey.surfaces[part]]
 
@@ -447,14 +459,17 @@ def _with_way(route: Route, path: Path, on: RouteSite, one_way: bool) -> Route:
     The way is one-way if its cells, and those beside them, do not lead back.
     """
     terrain, survey = on.terrain, on.survey
-    along_it = profile(path, survey, terrain)
-    cost = driving_cost(path, survey, on.vehicle, on.turns)
+    cost = driving_cost(path, survey, on.vehicle, on.turns, on.brakes)
+    along_it = profile(path, survey, terrain, cost)
     steepest = find_extreme(terrain, along_it.pitch, along_it, of_size=True)
     softest = find_extreme(terrain, along_it.sinkage, along_it)
     tightest = find_extreme(terrain, along_it.utilisation, along_it)
+    crab = find_extreme(terrain, np.abs(along_it.crab), along_it)
+    drift = find_extreme(terrain, np.abs(along_it.drift), along_it)
     verdict = worst_verdict(along_it.verdict)
     chance, least_chance = _chances(path, along_it, on)
-    if one_way and RANKS[verdict] < RANKS[Verdict.CAUTION]:
+    strays = drift is not None and drift.value > on.vehicle.max_drift
+    if (one_way or strays) and verdict == Verdict.GO:
         verdict = Verdict.CAUTION
     return replace(
         route,
@@ -464,15 +479,43 @@ def _with_way(route: Route, path: Path, on: RouteSite, one_way: bool) -> Route:
         energy=cost.energy,
         time=cost.time,
         turning=cost.turning,
-        steepest=steepest and replace(steepest, reason=Reason.NONE),
-        softest=softest and replace(softest, reason=Reason.NONE),
+        stop=_without_reason(find_extreme(terrain, along_it.stopping, along_it)),
+        slowest=_slowest(along_it, on),
+        load=_binding_load(path, along_it, on),
+        steepest=_without_reason(steepest),
+        softest=_without_reason(softest),
         tightest=tightest and replace(tightest, value=1.0 - tightest.value),
         profile=along_it,
         one_way=one_way,
         against=barriers(on, reversed_path(path, survey.headings)) if one_way else (),
         chance=chance,
         least_chance=least_chance,
+        drift=drift and replace(drift, reason=Reason.NONE),
+        crab=crab and replace(crab, reason=Reason.NONE),
+        drift_total=drift_total(along_it),
+        strays=strays,
     )
+
+
+def _without_reason(extreme: Extreme | None) -> Extreme | None:
+    return extreme and replace(extreme, reason=Reason.NONE)
+
+
+def _slowest(along_it: RouteProfile, on: RouteSite) -> Extreme | None:
+    """The least speed along a way; None where stopping distances are not limited."""
+    if not math.isfinite(on.vehicle.stopping_distance):
+        return None
+    found = _without_reason(find_extreme(on.terrain, -along_it.speed, along_it))
+    return found and replace(found, value=-found.value)
+
+
+def _binding_load(path: Path, along_it: RouteProfile, on: RouteSite) -> Load | None:
+    """The load with the smallest margin along a way; None where loads do not differ."""
+    loads = on.survey.load
+    if loads is None or np.isnan(along_it.utilisation).all():
+        return None
+    at = int(np.nanargmax(along_it.utilisation))
+    return on.vehicle.loads[int(path.values_of(loads)[at])]
 
 
 def _chances(
@@ -480,13 +523,13 @@ def _chances(
 ) -> tuple[float | None, Extreme | None]:
     """The probability that a whole path is go, and the smallest along it; None without ranges."""
     marked = on.tiles.samples_passing(path.judged, path.row, path.column)
-    samples = on.tiles.samples
-    if marked is None or samples is None:
+    sampled = on.tiles.uncertainty
+    if marked is None or sampled is None:
         return None, None
     together = np.bitwise_and.reduce(marked, axis=0)
     counts = np.empty((len(marked) + 1, 1), np.uint32)
     kernels.count_samples(np.concatenate([marked, together[None]])[:, None], counts)
-    shares = counts[:, 0] / len(samples.steps)
+    shares = counts[:, 0] / sampled.samples
     least = find_extreme(on.terrain, -shares[:-1], along_it)
     assert least is not None
     return float(shares[-1]), replace(least, value=-least.value, reason=Reason.NONE)

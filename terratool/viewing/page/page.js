@@ -214,7 +214,7 @@
   }
 
   const eye = { target: new THREE.Vector3(), distance: 1, azimuth: 215, elevation: 35, parallel: false, fitted: false };
-  let told = null, ground = null, geometry = null, materials = null, drape = null, lines = null, mark = null;
+  let told = null, ground = null, geometry = null, materials = null, drapes = {}, lines = null, mark = null;
   let layer = "surface", picked = null, waiting = false, exact = null, picture = 0;
 
   const tan = Math.tan(FIELD_OF_VIEW * Math.PI / 360);
@@ -384,7 +384,7 @@
           put(wedge, ramp("height", (ground.points[3 * wedge + 2] + told.origin[2] - low) / range));
         } else if (layer === "slope") {
           put(wedge, upright ? WALL : ramp("slope", slopeOf(wedge) / end));
-        } else if (layer === "verdict") {
+        } else if (drapes[layer]) {
           put(wedge, upright ? WALL : [255, 255, 255]);
         } else {
           put(wedge, told.surfaces.at(surface).color);
@@ -392,7 +392,7 @@
       }
     }
     geometry.attributes.color.needsUpdate = true;
-    materials[0].map = layer === "verdict" ? drape : null;
+    materials[0].map = drapes[layer] || null;
     materials[0].needsUpdate = true;
     legend(end);
     draw();
@@ -418,15 +418,14 @@
       return;
     }
     const present = new Set(told.faceSurfaces);
-    const rows = layer === "verdict"
-      ? told.map.classes.filter((_, index) => told.verdictCounts[index]).map((one) => {
-        const count = told.verdictCounts[told.map.classes.indexOf(one)];
-        return swatch(one.color, `${one.name}, ${number(100 * count / told.verdict.length, 1)} %`);
-      })
+    const rows = drapes[layer]
+      ? told.map.classes.map((one, index) => [one, told[layer].filter((code) => code === index).length])
+        .filter(([, count]) => count)
+        .map(([one, count]) => swatch(one.color, `${one.name}, ${number(100 * count / told[layer].length, 1)} %`))
       : told.surfaces.map((one, index) => [one, index === told.surfaces.length - 1 ? -1 : index])
         .filter(([, index]) => present.has(index))
         .map(([one]) => swatch(one.color, one.name || "no surface", one.descr));
-    if (layer === "verdict") rows.push(swatch(WALL, "wall"));
+    if (drapes[layer]) rows.push(swatch(WALL, "wall"));
     box.append(...rows);
   }
 
@@ -476,8 +475,9 @@
       child.geometry?.dispose();
     }
     for (const one of materials || []) one.dispose();
-    drape?.dispose();
-    mark = lines = drape = null;
+    for (const one of Object.values(drapes)) one.dispose();
+    mark = lines = null;
+    drapes = {};
   }
 
   function build() {
@@ -499,22 +499,18 @@
       polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
     };
     materials = [new THREE.MeshLambertMaterial(common), new THREE.MeshLambertMaterial(common)];
-    if (told.map) drape = texture();
+    drapes = told.map ? { verdict: texture(told.verdict), worst: texture(told.worst) } : {};
     const mesh = new THREE.Mesh(geometry, materials);
     mesh.frustumCulled = false;
     root.add(mesh, frame());
-    $("#verdict").hidden = !told.map;
+    $("#verdict").hidden = $("#worst").hidden = !told.map;
   }
 
-  /** The map of verdicts, and where each vertex lies in it. */
-  function texture() {
+  /** A map of verdicts, and where each vertex lies in it. */
+  function texture(codes) {
     const { west, south, resolution, width, height, classes } = told.map;
     const pixels = new Uint8Array(4 * width * height).fill(255);
-    told.verdictCounts = new Array(classes.length).fill(0);
-    told.verdict.forEach((one, pixel) => {
-      told.verdictCounts[one] += 1;
-      pixels.set(classes[one].color, 4 * pixel);
-    });
+    codes.forEach((one, pixel) => pixels.set(classes[one].color, 4 * pixel));
     const wedges = told.positions.length / 3, places = new Float32Array(2 * wedges);
     for (let wedge = 0; wedge < wedges; wedge += 1) {
       places[2 * wedge] = (ground.points[3 * wedge] + told.origin[0] - west) / (width * resolution);
@@ -682,12 +678,12 @@
     };
   }
 
-  function verdictAt(x, y) {
+  function verdictAt(x, y, codes) {
     if (!told.map) return "";
     const { west, south, resolution, width, height, classes } = told.map;
     const column = Math.floor((x - west) / resolution), row = Math.floor((y - south) / resolution);
     if (column < 0 || row < 0 || column >= width || row >= height) return "";
-    return classes[told.verdict[row * width + column]].name;
+    return classes[codes[row * width + column]].name;
   }
 
   function where(chain) {
@@ -715,7 +711,8 @@
       const [above, below] = found.wall.map((height) => (height === null ? "no ground" : height.toFixed(z)));
       rows.push(row(["wall", `from ${below} to ${above}`]));
     } else {
-      rows.push(row(["slope", `${found.slope.toFixed(1)}°`], ["verdict", verdictAt(found.x, found.y)]));
+      rows.push(row(["slope", `${found.slope.toFixed(1)}°`], ["verdict", verdictAt(found.x, found.y, told.verdict)],
+        ["worst heading", verdictAt(found.x, found.y, told.worst)]));
     }
     const name = found.exact ? found.exact.surface : surface.name;
     const soil = (told.surfaces.find((one) => one.name === name) || surface).soil;
