@@ -25,13 +25,14 @@ from terratool.traversability.assess import Request, assess, prepare_assessment
 from terratool.traversability.map import MapBuilder, default_resolution, stream_map
 from terratool.traversability.results import Reason, Survey, Verdict
 from terratool.traversability.route.graph import (
-    ALLOWED,
-    BACKING,
     Costs,
+    SearchResult,
     cheapest_way,
     drivable,
     least_rate,
+    pulled,
     rates,
+    state_flags,
     turning_arc,
 )
 from terratool.traversability.route.reach import begin_in_largest, connected_cells, heading_bits
@@ -73,17 +74,18 @@ def site(pixels: int) -> Survey:
     )
 
 
-def planned(survey: Survey) -> None:
+def planned(survey: Survey) -> tuple[Costs, SearchResult]:
     """Search a survey from one corner to the other."""
-    can = drivable(survey)
-    flags = np.where(can, ALLOWED | BACKING, 0).astype(np.uint8)
+    flags = state_flags(survey, drivable(survey))
     costs = Costs.of(
         rates(survey, ROVER, "time"), flags, survey.heights, survey.grid.resolution,
         turning_arc(survey, ROVER), least_rate(ROVER, "time"),
     )  # fmt: skip
     starts = np.array([(heading, 0, 0) for heading in range(HEADINGS)], np.int64)
     far = (survey.grid.height - 1, survey.grid.width - 1)
-    assert len(cheapest_way(costs, starts, far).states)
+    found = cheapest_way(costs, starts, far)
+    assert len(found.states)
+    return costs, found
 
 
 def mesa(side: int) -> Terrain:
@@ -216,10 +218,11 @@ if __name__ == "__main__":
     quick = "--quick" in sys.argv
     memory(MOST_STATES // 20 if quick else MOST_STATES)  # first, as memory is the most so far
     survey = site(100 if quick else 400)
-    cells = plain(survey)
+    cells, way = plain(survey), planned(survey)
     seconds = medians(
         {
             "headings": lambda: planned(survey),
+            "pulled": lambda: pulled(*way),
             "plain": lambda: plain(survey),
             "searched": lambda: dijkstra(cells, indices=0, return_predecessors=True),
         },
@@ -229,6 +232,11 @@ if __name__ == "__main__":
         f"{len(survey.heights)}² cells with {HEADINGS} headings against a plain grid of them",
         seconds["headings"] / (seconds["plain"] + seconds["searched"]),
         f"<= {2 * HEADINGS}",
+    )
+    line(
+        "pulling a way straight against its search",
+        seconds["pulled"] / seconds["headings"],
+        "<= 0.1",
     )
     bits = heading_bits(drivable(site(600 if quick else 1200)))
     seconds = medians(

@@ -1,6 +1,6 @@
 // What Python sees of kernels/traversability.
 #include "../traversability/belts.hpp"
-#include "../traversability/routing.hpp"
+#include "../traversability/pulling.hpp"
 #include "../traversability/samples.hpp"
 #include "../traversability/turning.hpp"
 #include "bind.hpp"
@@ -58,6 +58,18 @@ public:
     VehicleOnSamples on;
 };
 
+// Costs whose moves and tiles go with their cells.
+void check_costs(const Costs& costs, IndexCheck check_index) {
+    const Moves& moves = costs.moves;
+    check_index(moves.headings() == costs.rate.layers(), "the number of moves");
+    for (i64 n : moves.steps) check_index(0 <= n && n <= moves.passed.rows(), "a step");
+    check_index(!moves.bends() || moves.arcs.rows() == 2 * moves.headings(), "the number of arcs");
+    for (i64 n : moves.counts) check_index(0 < n && n <= moves.within.rows(), "cells of an arc");
+    check_index(costs.tile > 0, "the side of tiles");
+    check_index(costs.tile * costs.known.rows() >= costs.rate.rows(), "a row of tiles");
+    check_index(costs.tile * costs.known.columns() >= costs.rate.columns(), "tiles");
+}
+
 // A search over costs, whose arrays are kept; between two calls more of them may become known.
 class KeptSearch {
 public:
@@ -72,16 +84,10 @@ private:
 
     Where where(const char* name) { return {"Search", name, sizes_}; }
 
-    static constexpr IndexCheck check_index{"Search"};
-
     void check(i64 row, i64 column) {
+        constexpr IndexCheck check_index{"Search"};
         const Costs& costs = costs_.get();
-        const Moves& moves = costs.moves;
-        check_index(moves.headings() == costs.rate.layers(), "the number of moves");
-        for (i64 n : moves.steps) check_index(0 <= n && n <= moves.passed.rows(), "a step");
-        check_index(costs.tile > 0, "the side of tiles");
-        check_index(costs.tile * costs.known.rows() >= costs.rate.rows(), "a row of tiles");
-        check_index(costs.tile * costs.known.columns() >= costs.rate.columns(), "tiles");
+        check_costs(costs, check_index);
         check_index(0 <= row && row < costs.rate.rows(), "the row of the goal");
         check_index(0 <= column && column < costs.rate.columns(), "the column of the goal");
         for (i64 state : starts_.get())
@@ -119,6 +125,19 @@ void rate_footholds_of(
     const FootholdLimits& limits, Matrix<float> out
 ) {
     std::visit([&](auto surfaces) { rate_footholds(heights, surfaces, limits, out); }, ids);
+}
+
+// The states of a way are those of the costs.
+Rows<i64, 4> pull_way(
+    const Costs& costs, Matrix<const i64> states, i64 rounds, bool both, i64 near
+) {
+    constexpr IndexCheck check_index{"pull"};
+    check_costs(costs, check_index);
+    std::array<i64, 3> sizes{costs.rate.layers(), costs.rate.rows(), costs.rate.columns()};
+    for (i64 n = 0; n < states.rows(); ++n)
+        for (std::size_t k = 0; k < 3; ++k)
+            check_index(0 <= states[n][k] && states[n][k] < sizes[k], "a state");
+    return pull(costs, states, rounds, both, near);
 }
 
 // Samples are marked in as many words as there are.
@@ -334,6 +353,10 @@ void bind_traversability(nb::module_ m) {
     def<&Search::cost>(m, "cost", "What the way costs; infinity where there is none.", {"search"});
     def<&Search::way>(m, "way", "The states of the way, the goal first.", {"search"});
     def<&Search::mark>(m, "mark", "Mark the cells that were reached.", {"search", "out[_,_]"});
+    def<&pull_way>(
+        m, "pull", "Corners of a way pulled straight: row, column, sign of the leg, side of turn.",
+        {"costs", "states[n,3]", "rounds", "both", "near"}
+    );
     def<&flood>(
         m, "flood", "Spread over what can be driven; over how many states, fewer once all is done.",
         {"moves", "direction", "can[h,w]", "?turns[h,w]", "fresh[h,w]", "reached[h,w]", "states"}

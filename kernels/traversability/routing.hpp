@@ -1,7 +1,8 @@
 // Where a vehicle gets to over a survey: the cheapest way to a goal, and all that it reaches.
 //
 // A state is a heading at a cell. From it the vehicle moves to the cell that its heading points to,
-// backs up to the opposite one, or turns to the next heading on either side.
+// backs up to the opposite one, or turns to the next heading on either side: on the spot, or by an
+// arc if it is car-like.
 #pragma once
 
 #include <queue>
@@ -16,7 +17,15 @@ struct Moves {
     Matrix<const i64> offsets;  // rows to the south, columns to the east
     Cube<const i64> passed;  // for each step between, a cell and the one on the line's other side
     Span<const i64> steps;   // how many of these there are
+    // of vehicles that do not turn on the spot: an arc to the next heading anticlockwise and one
+    // clockwise, heading by heading; none otherwise
+    Matrix<const i64> arcs;  // rows and columns to the cell that each leads to
+    Cube<const i64> within;  // and to those that it passes, with both ends
+    Span<const i64> counts;  // how many of these there are
+    In spans;                // and its length, in sides of a cell
 
+    bool bends() const { return arcs.rows() > 0; }
+    static i64 arc(i64 heading, i64 side) { return 2 * heading + (side > 0); }
     i64 headings() const { return offsets.rows(); }
     i64 opposite(i64 heading) const { return (heading + headings() / 2) % headings(); }
     i64 turned(i64 heading, i64 side) const { return (heading + side + headings()) % headings(); }
@@ -24,6 +33,8 @@ struct Moves {
 
 template <class Visit> void visit_arguments(Moves& m, Visit visit) {
     visit("offsets[d,2]", m.offsets), visit("passed[d,_,4]", m.passed), visit("steps[d]", m.steps);
+    visit("arcs[a,2]", m.arcs), visit("within[a,_,2]", m.within), visit("counts[a]", m.counts);
+    visit("spans[a]", m.spans);
 }
 
 struct Cell {
@@ -65,6 +76,7 @@ struct Costs {
     Matrix<const float> turn;  // by one heading, at each cell; infinity where it cannot
     Matrix<const float> runs;  // and so many metres at the rate of the heading, likewise
     double backward;           // a metre backwards weighs so many ahead
+    double shift;              // to change gear costs so many metres, of those that bend
     double least;              // no metre costs less
 };
 
@@ -76,7 +88,7 @@ template <class Visit> void visit_arguments(Costs& c, Visit visit) {
     visit("heights[h,w]", c.heights), visit("known[_,_]", c.known), visit("tile", c.tile);
     visit("turn[h,w]", c.turn), visit("runs[h,w]", c.runs);
     visit("resolution", c.resolution), visit("backward", c.backward);
-    visit("least", c.least);
+    visit("shift", c.shift), visit("least", c.least);
 }
 
 // A* (Hart, Nilsson and Raphael, A formal basis for the heuristic determination of minimum cost
@@ -85,11 +97,14 @@ template <class Visit> void visit_arguments(Costs& c, Visit visit) {
 class Search {
 public:
     Search(const Costs& costs, Span<const i64> starts, i64 row, i64 column)
-        : costs_(costs), goal_{row, column}, cost_(costs.rate.size(), INF),
-          before_(costs.rate.size(), NONE) {
-        for (i64 state : starts) {
-            cost_[state] = 0.0, before_[state] = START;
-            push(state);
+        : costs_(costs), gears_(costs.moves.bends() ? 2 : 1), goal_{row, column},
+          cost_(gears_ * costs.rate.size(), INF), before_(gears_ * costs.rate.size(), NONE) {
+        for (i64 gear = 0; gear < gears_; ++gear) {
+            for (i64 state : starts) {
+                state += gear * costs.rate.size();
+                cost_[state] = 0.0, before_[state] = START;
+                push(state);
+            }
         }
     }
 
@@ -118,9 +133,14 @@ public:
         std::vector<i64> states;
         const Moves& moves = costs_.moves;
         for (i64 state = found_; state >= 0;) {
-            states.push_back(state);
-            auto [heading, cell] = place(state);
-            switch (before_[state] & ~CLOSED) {
+            auto [heading, cell, gear] = place(state);
+            u8 by = before_[state] & ~CLOSED;
+            if (by != SHIFT) states.push_back(state % costs_.rate.size());
+            if (gears_ > 1 && by != START) {
+                state = before_bending(heading, cell, gear, by);
+                continue;
+            }
+            switch (by) {
                 case AHEAD: state = number(heading, moved(moves, heading, cell, -1)); break;
                 case BACK: state = number(heading, moved(moves, heading, cell, 1)); break;
                 case LEFT: state = number(moves.turned(heading, 1), cell); break;
@@ -147,26 +167,42 @@ private:
             return bound > other.bound || (bound == other.bound && state > other.state);
         }
     };
-    enum Before : u8 { NONE, START, AHEAD, BACK, LEFT, RIGHT, CLOSED = 8 };
+    enum Before : u8 { NONE, START, AHEAD, BACK, LEFT, RIGHT, SHIFT, CLOSED = 8 };
 
     struct Place {
         i64 heading;
         Cell cell;
+        i64 gear;  // 1 backwards, of vehicles that bend; else 0
     };
 
     const Costs& costs_;
+    i64 gears_;
     Cell goal_;
     std::vector<double> cost_;
     std::vector<u8> before_;
     std::priority_queue<Entry> queue_;
     i64 found_ = -1;
 
-    i64 number(i64 heading, Cell cell) const {
-        return (heading * costs_.rate.rows() + cell.row) * costs_.rate.columns() + cell.column;
+    i64 number(i64 heading, Cell cell, i64 gear = 0) const {
+        i64 plane = gear * costs_.moves.headings() + heading;
+        return (plane * costs_.rate.rows() + cell.row) * costs_.rate.columns() + cell.column;
     }
     Place place(i64 state) const {
         i64 cells = costs_.heights.size(), at = state % cells, width = costs_.rate.columns();
-        return {state / cells, {at / width, at % width}};
+        i64 plane = state / cells, headings = costs_.moves.headings();
+        return {plane % headings, {at / width, at % width}, plane / headings};
+    }
+
+    // The state from which a vehicle that bends came to another.
+    i64 before_bending(i64 heading, Cell cell, i64 gear, u8 by) const {
+        const Moves& moves = costs_.moves;
+        i64 sign = gear ? -1 : 1;
+        if (by == SHIFT) return number(heading, cell, 1 - gear);
+        if (by != LEFT && by != RIGHT)
+            return number(heading, moved(moves, heading, cell, -sign), gear);
+        i64 side = by == RIGHT ? 1 : -1, other = moves.turned(heading, -side);
+        auto arc = moves.arcs[Moves::arc(other, side)];
+        return number(other, {cell.row - sign * arc[0], cell.column - sign * arc[1]}, gear);
     }
     i64 unknown_tile(Cell cell) const {
         i64 row = cell.row / costs_.tile, column = cell.column / costs_.tile;
@@ -179,7 +215,9 @@ private:
         double rows = double(abs(cell.row - goal_.row));
         double columns = double(abs(cell.column - goal_.column));
         double longer = max(rows, columns), shorter = min(rows, columns), length;
-        if (costs_.moves.headings() == 4) length = longer + shorter;
+        // arcs are shorter than the moves along their tangents
+        if (costs_.moves.bends()) length = sqrt(square(longer) + square(shorter));
+        else if (costs_.moves.headings() == 4) length = longer + shorter;
         else if (costs_.moves.headings() == 8) length = longer + (sqrt(2.0) - 1.0) * shorter;
         else length = sqrt(square(longer) + square(shorter));
         return below * costs_.least * costs_.resolution * length;
@@ -195,12 +233,13 @@ private:
 
     // Reach what lies around a state; the index of a tile that must be known first, or -1.
     i64 expand(i64 state) {
-        auto [heading, cell] = place(state);
+        auto [heading, cell, gear] = place(state);
         if (i64 tile = unknown_tile(cell); tile >= 0) return tile;
         if (cell.row == goal_.row && cell.column == goal_.column) {
             found_ = state;
             return -1;
         }
+        if (gears_ > 1) return bend(state, heading, cell, gear);
         const Moves& moves = costs_.moves;
         std::array<i64, 2> there{-1, -1};
         std::array<double, 2> paid{INF, INF};
@@ -231,6 +270,82 @@ private:
             reach(number(other, cell), cost + turn + run * mean, side < 0 ? LEFT : RIGHT);
         }
         return -1;
+    }
+
+    // Reach what lies around a state of a vehicle that bends, in its gear and in the other; the
+    // index of a tile that must be known first, or -1.
+    i64 bend(i64 state, i64 heading, Cell cell, i64 gear) {
+        const Moves& moves = costs_.moves;
+        i64 sign = gear ? -1 : 1;
+        struct Next {
+            Cell to;
+            i64 heading;
+            double paid;
+            Before by;
+        };
+        std::array<Next, 3> next;
+        i64 count = 0, tile = -1;
+        if (Cell to = moved(moves, heading, cell, sign); inside(to, costs_.heights)) {
+            tile = unknown_tile(to);
+            visit_passed(moves, heading, cell, sign, [&](Cell near, Cell other) {
+                if (tile < 0) tile = unknown_tile(near);
+                if (tile < 0) tile = unknown_tile(other);
+                return tile < 0;
+            });
+            if (tile >= 0) return tile;
+            next[count++] = {to, heading, move_cost(heading, cell, to, sign), AHEAD};
+        }
+        for (i64 side : {-1, 1}) {
+            i64 arc = Moves::arc(heading, side);
+            auto offset = moves.arcs[arc];
+            Cell to{cell.row + sign * offset[0], cell.column + sign * offset[1]};
+            if (!inside(to, costs_.heights)) continue;
+            for (i64 k = 0; k < moves.counts[arc]; ++k) {
+                tile = unknown_tile(passed_by(arc, k, cell, sign));
+                if (tile >= 0) return tile;
+            }
+            double paid = arc_cost(heading, side, cell, to, sign);
+            next[count++] = {to, moves.turned(heading, side), paid, side < 0 ? LEFT : RIGHT};
+        }
+        double cost = cost_[state], weight = gear ? costs_.backward : 1.0;
+        for (i64 k = 0; k < count; ++k) {
+            const Next& one = next[k];
+            if (one.paid < INF)
+                reach(number(one.heading, one.to, gear), cost + weight * one.paid, one.by);
+        }
+        double rate = double(costs_.rate(heading, cell.row, cell.column));
+        reach(number(heading, cell, 1 - gear), cost + costs_.shift * rate, SHIFT);
+        return -1;
+    }
+
+    Cell passed_by(i64 arc, i64 k, Cell from, i64 sign) const {
+        auto at = costs_.moves.within[arc][k];
+        return {from.row + sign * at[0], from.column + sign * at[1]};
+    }
+
+    // What an arc costs; infinity where it cannot be made. It must be drivable with both headings
+    // at each cell that it passes; the dearer one counts, and the mean of all cells.
+    double arc_cost(i64 heading, i64 side, Cell from, Cell to, i64 sign) const {
+        const Moves& moves = costs_.moves;
+        i64 arc = Moves::arc(heading, side), next = moves.turned(heading, side);
+        double sum = 0.0;
+        for (i64 k = 0; k < moves.counts[arc]; ++k) {
+            Cell cell = passed_by(arc, k, from, sign);
+            double dearest = 0.0;
+            for (i64 own : {heading, next}) {
+                i64 judged = sign > 0 ? own : moves.opposite(own);
+                u8 flags = costs_.flags(own, cell.row, cell.column);
+                if (sign < 0) flags &= costs_.flags(judged, cell.row, cell.column);
+                if (!(flags & (sign > 0 ? ALLOWED : BACKING))) return INF;
+                dearest = max(dearest, double(costs_.rate(judged, cell.row, cell.column)));
+            }
+            sum += dearest;
+        }
+        double length = costs_.resolution * moves.spans[arc];
+        double rise = double(costs_.heights(to.row, to.column))
+            - double(costs_.heights(from.row, from.column));
+        if (!isnan(rise)) length = sqrt(square(length) + square(rise));
+        return length * sum / double(moves.counts[arc]);
     }
 
     // What a move costs; infinity where it cannot be made.
@@ -309,6 +424,8 @@ public:
             ways_.push_back(way);
             farthest_ = max(farthest_, max(abs(way.row), abs(way.column)));
         }
+        for (i64 n = 0; n < moves.arcs.rows(); ++n)
+            for (i64 sign : {1, -1}) add_arc(moves, direction, n / 2, n % 2 ? 1 : -1, sign);
     }
 
     // Go on from what is in `fresh`.
@@ -355,9 +472,41 @@ private:
         std::vector<i64> passed{};  // to those that it passes
     };
 
+    // An arc from a heading at a cell to another heading at another cell.
+    struct Arc {
+        Bits from, to;              // the two headings
+        Bits need;                  // what it needs at all cells
+        i64 row, column, cells;     // to the cell that it leads to
+        std::vector<i64> passed{};  // to those that it passes, with both ends
+    };
+
+    void add_arc(const Moves& moves, Direction direction, i64 heading, i64 side, i64 sign) {
+        auto bit = [](i64 n) { return Bits(u64(1) << n); };
+        i64 n = Moves::arc(heading, side), next = moves.turned(heading, side);
+        Bits both = bit(heading) | bit(next);
+        Bits opposite = bit(moves.opposite(heading)) | bit(moves.opposite(next));
+        bool two_ways = sign < 0 || direction == Direction::BOTH;
+        Arc arc{bit(heading), bit(next), two_ways ? Bits(both | opposite) : both, 0, 0, 0};
+        auto offset = moves.arcs[n];
+        Cell end{sign * offset[0], sign * offset[1]}, begin{0, 0};
+        if (direction == Direction::AGAINST) {
+            std::swap(arc.from, arc.to);
+            begin = end, end = {-end.row, -end.column};
+        }
+        arc.row = end.row, arc.column = end.column, arc.cells = number(end);
+        for (i64 k = 0; k < moves.counts[n]; ++k) {
+            auto at = moves.within[n][k];
+            Cell cell{sign * at[0] - begin.row, sign * at[1] - begin.column};
+            arc.passed.push_back(number(cell));
+        }
+        farthest_ = max(farthest_, max(abs(arc.row), abs(arc.column)));
+        arcs_.push_back(std::move(arc));
+    }
+
     int last_;
     i64 farthest_ = 0;
     std::vector<Way> ways_;
+    std::vector<Arc> arcs_;
     Matrix<const Bits> can_;
     Matrix<const bool> turns_;
     Matrix<Bits> fresh_, reached_;
@@ -394,6 +543,16 @@ private:
             if ((free & way.for_ahead) == way.for_ahead) more |= way.ahead;
             if ((free & way.for_back) == way.for_back) more |= way.back;
             if (more &= wanted) add(to, more);
+        }
+        for (const Arc& arc : arcs_) {
+            if (!(bits & arc.from)) continue;
+            Cell to{cell.row + arc.row, cell.column + arc.column};
+            if (!amid && !inside(to, can_)) continue;
+            if (reached[arc.cells] & arc.to) continue;
+            // its cells lie between its ends, as both headings look into one quarter
+            Bits free = arc.need;
+            for (i64 passed : arc.passed) free &= can[passed];
+            if (free == arc.need) add(to, arc.to);
         }
         return std::popcount(bits);
     }

@@ -26,7 +26,8 @@ enum class Reason : u8 {
     ROUGHNESS,
     TURNING,
     DRIFT,
-    FOOTHOLD
+    FOOTHOLD,
+    KEEP_OUT
 };
 
 template <class Visit> void visit_enumerators(Verdict, Visit visit) {
@@ -42,6 +43,7 @@ template <class Visit> void visit_enumerators(Reason, Visit visit) {
     visit("TIP_OVER", TIP_OVER), visit("STEP", STEP), visit("HIGH_CENTRED", HIGH_CENTRED);
     visit("APPROACH", APPROACH), visit("ROUGHNESS", ROUGHNESS);
     visit("TURNING", TURNING), visit("DRIFT", DRIFT), visit("FOOTHOLD", FOOTHOLD);
+    visit("KEEP_OUT", KEEP_OUT);
 }
 
 // What follows from the measures so far.

@@ -332,13 +332,14 @@ class UserTerrain(ShownTerrain):
 
     # --- vehicles and sensors ---------------------------------------------------------------------
 
-    @takes(Request, without=("why", "routes", "waypoints"))
+    @takes(Request, without=("why", "routes", "waypoints", "keep_out"))
     def traversability(
         self,
         vehicle: AnyVehicle | Sequence[AnyVehicle],
         *,
         routes: Line | Sequence[Line] = (),
         waypoints: ArrayLike | str | Path | Sequence[ArrayLike | str | Path] = (),
+        keep_out: str | Path | Sequence[str | Path] = (),
         model: Literal["slip", "paper"] = "slip",
         margin: bool = False,
         report: str | Path | Sequence[str | Path] = (),
@@ -354,6 +355,7 @@ class UserTerrain(ShownTerrain):
                 a single one.
             waypoints: for each way that is checked, or for a single one, its points, (n, 2), or the
                 path of their file.
+            keep_out: GeoJSON files of zones that nothing of the vehicle may enter.
             model: how wheel and soil are computed: with slip, or what the paper says.
             margin: whether the error band of climbs on soft soil is kept in reserve.
             report: paths of reports to write: .json, .md, .html, .geojson or .svg.
@@ -367,6 +369,7 @@ class UserTerrain(ShownTerrain):
             WriteError: a file exists already, or cannot be written.
         """
         from terratool.traversability.report.writing import JudgementFiles, assess_all
+        from terratool.traversability.route.zones import read_keep_out
         from terratool.traversability.soil import on_the_safe_side
 
         vehicles = [each.by_model(model) for each in _vehicles(vehicle)]
@@ -375,7 +378,8 @@ class UserTerrain(ShownTerrain):
         if not vehicles:
             raise RequestError("No vehicle is given.", "Give one, or several to compare them.")
         files = JudgementFiles(listed(report), map, overwrite)
-        places = {"routes": _lines(routes), "waypoints": _ways(waypoints)}
+        zones = tuple(zone for path in listed(keep_out) for zone in read_keep_out(path))
+        places = {"routes": _lines(routes), "waypoints": _ways(waypoints), "keep_out": zones}
         request = fill(Request, options, **places)
         planned = prepare(self, vehicles, request, map_path=map, overwrite=overwrite)
         return shown_report(assess_all(planned, self.name, files))

@@ -94,6 +94,19 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         help=f"Choose the best by {', '.join(PREFERENCES)}.",
     ),
     click.option(
+        "--alternatives",
+        type=click.IntRange(0, 9),
+        default=0,
+        metavar="N",
+        help="Further ways that differ, up to 9.",
+    ),
+    click.option(
+        "--keep-out",
+        multiple=True,
+        metavar="FILE",
+        help="GeoJSON of zones that nothing of the vehicle enters.",
+    ),
+    click.option(
         "--from",
         "start",
         nargs=2,
@@ -202,6 +215,8 @@ def command(
     start: tuple[float, float] | None,
     local: bool,
     prefer: Any,
+    alternatives: int,
+    keep_out: tuple[str, ...],
     resolution: float | None,
     bounds: tuple[float, float, float, float] | None,
     headings: int | None,
@@ -234,6 +249,7 @@ def command(
     from terratool.traversability.report.formats import renderer_of
     from terratool.traversability.report.writing import JudgementFiles
     from terratool.traversability.route.waypoints import read_waypoints
+    from terratool.traversability.route.zones import read_keep_out
     from terratool.traversability.soil import on_the_safe_side
 
     settings = project_settings(config_file)
@@ -246,8 +262,10 @@ def command(
     )  # fmt: skip
     base = Request(
         waypoints=tuple(map(read_waypoints, waypoints)), returns=returns, prefer=prefer,
-        bounds=bounds, headings=headings, samples=samples, seed=seed, threads=threads,
-        dask=dask, height_error=height_error,
+        alternatives=alternatives,
+        keep_out=tuple(zone for path in keep_out for zone in read_keep_out(path)),
+        bounds=bounds, headings=headings, samples=samples, seed=seed, threads=threads, dask=dask,
+        height_error=height_error,
     )  # fmt: skip
 
     def vehicles_of(paths: tuple[str, ...]) -> list[Vehicle]:
@@ -258,6 +276,7 @@ def command(
     if len(files) != 1 or is_folder(files[0]) or forms not in ((), ("text",), ("json",)):
         for option, given in (
             ("--report", reports), ("--map", map_), ("--dask", dask), ("--local", local),
+            ("--keep-out", keep_out),
         ):  # fmt: skip
             if given:
                 raise click.UsageError(f"{option} is of one terrain. Name one FILE, or drop it.")
@@ -276,12 +295,12 @@ def command(
         [path for path in reports if Path(path).suffix.lower() == suffix]
         for suffix in (".geojson", ".svg")
     )
-    routed = [*lines_only, *["--return"] * returns]
+    routed = [*lines_only, *["--return"] * returns, *["--alternatives"] * bool(alternatives)]
     _refuse_unasked(checks, travels, start is not None, routed, curves, model)
     paths = asked.vehicles or ()
     for path in reports:
         renderer_of(path)  # refuses other suffixes
-    _refuse_outputs((file, *paths, *waypoints), reports, _maps(map_, paths), overwrite)
+    _refuse_outputs((file, *paths, *waypoints, *keep_out), reports, _maps(map_, paths), overwrite)
     with drive.telling("vehicles"):
         vehicles = vehicles_of(paths)
     wants_map = map_ is not None or len(lines_only) + len(curves) < len(reports)

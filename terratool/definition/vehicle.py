@@ -184,6 +184,7 @@ class VehicleText(Struct, frozen=True, rename="camel", kw_only=True):
     body_width: float | UnsetType = UNSET
     overhang: OverhangText = OverhangText()
     steering: str | UnsetType = UNSET
+    turning_radius: float | UnsetType = UNSET
     speed: float | UnsetType = UNSET
     power: float | UnsetType = UNSET
     max_drift: float | UnsetType = UNSET
@@ -371,6 +372,10 @@ VEHICLE_KEYS: dict[Shape, dict[str, Key]] = {
             'How it turns on the spot: "skid", left and right wheels run against each other '
             'and slide sideways; or "wheels", wheels are steered into their ways, or swivel as '
             "castors do, and only roll.", "wheels", default="skid",
+        ),
+        "turningRadius": reserve("a radius", "metres", 1e4).describe(
+            "Least radius of the way of its middle, m, of a vehicle that steers as a car does; 0 "
+            "for one that turns on the spot.", 4.5, default=0,
         ),
         "speed": measure("a speed", "m/s").describe(
             "Speed of the wheels' treads or of the tracks, or at which it walks, m/s; for the time "

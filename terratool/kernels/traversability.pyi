@@ -419,6 +419,15 @@ def mark(search: Search, out: NDArray[np.bool_]) -> None:
     Shapes: out[_,_].
     """
 
+def pull(
+    costs: Any, states: NDArray[np.int64], rounds: int, both: bool, near: int
+) -> NDArray[np.int64]:
+    """
+    Corners of a way pulled straight: row, column, sign of the leg, side of turn.
+
+    Shapes: states[n,3].
+    """
+
 def flood(
     moves: Any,
     direction: int,

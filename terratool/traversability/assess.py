@@ -20,10 +20,11 @@ from terratool.field.terrain import Terrain, check_overlap
 from terratool.io.geotiff import TILE
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, grid_over
 from terratool.report.numbers import coordinates, per_cent, pixels
-from terratool.report.wording import join_words
+from terratool.report.wording import count_of, join_words
 from terratool.tasks import thread_count
 from terratool.text.display import quote
 from terratool.traversability.height_error import HeightError
+from terratool.traversability.keep_out import Zone, check_zones
 from terratool.traversability.map import MapBuilder, begin_of, default_resolution, stream_map
 from terratool.traversability.map_files import MapExtent, MapFiles, further_bands, refuse_map
 from terratool.traversability.ranges import (
@@ -36,7 +37,6 @@ from terratool.traversability.ranges import (
 )
 from terratool.traversability.results import (
     FINER_HEADINGS,
-    HEADINGS,
     RANKS,
     GroundClass,
     MapSummary,
@@ -47,10 +47,16 @@ from terratool.traversability.results import (
     TraversabilityReport,
     Verdict,
 )
+from terratool.traversability.route.alternatives import MOST as MOST_ALTERNATIVES
 from terratool.traversability.route.barriers import BlockedPlace, RouteSite, blocked_place
 from terratool.traversability.route.charge import with_charge
 from terratool.traversability.route.graph import Preference, check_preference, drivable, turnable
-from terratool.traversability.route.headings import Progress, WayFinder, finer_headings
+from terratool.traversability.route.headings import (
+    Progress,
+    WayFinder,
+    finer_headings,
+    first_headings,
+)
 from terratool.traversability.route.paths import cell_of, check_inside
 from terratool.traversability.route.reach import begin_in_largest, connected_cells, heading_bits
 from terratool.traversability.route.routes import (
@@ -87,9 +93,10 @@ _MAP = (
 )
 """Assumption of every report on its map."""
 _ROUTE = (
-    "A route goes from pixel to pixel, backs up, and turns on the spot; its time and energy are "
-    "sums over that, without acceleration, and with the vehicle's efficiency. Turns are those on "
-    "level ground of the surface under the vehicle's middle."
+    "A route leads by straight legs between pixels, backs up, and turns on the spot, or by arcs if "
+    "it is that of a car; its time and energy are sums over that, without acceleration, and with "
+    "the vehicle's efficiency. Turns on the spot are those on level ground of the surface under "
+    "the vehicle's middle."
 )
 """Assumption of reports on routes."""
 
@@ -108,12 +115,15 @@ class Request:
         start: x and y of the place from which reachable ground counts, m; the largest part of the
             ground counts if None.
         prefer: the quantity that routes minimise.
+        alternatives: number of further ways that are wanted of each route, 0 to 9; fewer are found
+            where no more differ enough.
         resolution: side of a pixel of the map, m, and of routes where that is not too fine; chosen
             if None.
         why: reason for that resolution, in words, for a note.
+        keep_out: zones that nothing of the vehicle may enter.
         bounds: west, south, east, north of the part that counts, m; the whole terrain if None.
-        headings: number of headings at each place; HEADINGS if None, and more where these show no
-            way.
+        headings: number of headings at each place; `first_headings` if None, and more where these
+            show no way.
         mapped: whether the whole ground is to be judged; without routes, or with a start, it always
             is.
         threads: number of threads; as many as there are processors if None.
@@ -131,6 +141,8 @@ class Request:
     returns: bool = False
     start: Point | None = None
     prefer: Preference = "time"
+    alternatives: int = 0
+    keep_out: tuple[Zone, ...] = ()
     resolution: float | None = None
     why: str = "as asked"
     bounds: Bounds | None = None
@@ -249,12 +261,18 @@ def prepare_assessment(
     terrain.refuse_degrees("A vehicle")
     terrain = terrain.written_out
     check_preference(request.prefer)
+    if not 0 <= request.alternatives <= MOST_ALTERNATIVES:
+        raise RequestError(
+            f"{request.alternatives} alternatives are asked for.",
+            f"Give a number from 0 to {MOST_ALTERNATIVES}.",
+        )
     if request.headings is not None:
         refuse_headings(request.headings)
     thread_count(request.threads)
     if request.dask is not None and not request.maps:
         raise RequestError("--dask is about maps, but only routes are asked for.", "Add --map OUT.")
     check_places(request, terrain.bounds)
+    check_zones(request.keep_out, terrain.bounds)
     draws = draw(terrain, request.samples, request.seed)
     if (off := request.heights) is not None:
         off.check()
@@ -263,16 +281,16 @@ def prepare_assessment(
         chances = draws is not None or request.height_error is not None
         further = further_bands(vehicle.feet is not None, chances)
         refuse_map(terrain, MapExtent(grid, further, headings), Path(map_path), overwrite)
-    sampled = uncertainty(terrain, vehicle, draws, request)
-    surveyor, shared = Surveyor(terrain, vehicle, grid, headings, sampled), routes == grid
+    own = uncertainty(terrain, vehicle, draws, request), request.keep_out
+    surveyor, shared = Surveyor(terrain, vehicle, grid, headings, *own), routes == grid
     builder = ways = None
     if request.maps:
         keep = shared and map_path is not None
         builder = MapBuilder(terrain, surveyor, keep, turnings(terrain, vehicle))
     if routes is not None:
-        own = surveyor if shared else Surveyor(terrain, vehicle, routes, headings, sampled)
+        on_routes = surveyor if shared else Surveyor(terrain, vehicle, routes, headings, *own)
         take = builder.take if builder and shared else None
-        tiles = SurveyTiles(own, threads=request.threads, take=take)
+        tiles = SurveyTiles(on_routes, threads=request.threads, take=take)
         finer = () if request.headings else finer_headings(routes, headings)
         ways = WayFinder(terrain, vehicle, tiles, finer, threads=request.threads)
     return PreparedRequest(terrain, vehicle, request, surveyor, builder, ways, tuple(notes), draws)
@@ -317,7 +335,7 @@ def chosen_resolution(terrain: Terrain, vehicle: Vehicle, request: Request, writ
 
 def _grids(terrain: Terrain, vehicle: Vehicle, request: Request, written: bool) -> _Grids:
     """Choose the grids of the map and of routes, with notes on the choice."""
-    routes, note = None, ""
+    routes, note, fewest = None, "", first_headings(vehicle)
     if not request.travels:
         grid, why = _map_grid(terrain, vehicle, request, written)
     elif request.resolution is None:
@@ -326,14 +344,14 @@ def _grids(terrain: Terrain, vehicle: Vehicle, request: Request, written: bool) 
     else:
         grid, why = _map_grid(terrain, vehicle, request, written)
         routes = grid
-        if grid.width * grid.height * (request.headings or HEADINGS) > MOST_STATES:
+        if grid.width * grid.height * (request.headings or fewest) > MOST_STATES:
             routes, note = _route_grid(terrain, vehicle, request)
             grid = grid if request.maps else routes
     size = pixels(grid.width, grid.height, grid.resolution)
     headings = request.headings or _fewest_headings(terrain, vehicle, request, grid)
     notes = [f"The map has {size} ({why}), each looked at with {headings} headings."]
-    if headings != (request.headings or HEADINGS):
-        notes.append(f"With {HEADINGS} the vehicle cannot stand at the place to start from.")
+    if headings != (request.headings or fewest):
+        notes.append(f"With {fewest} the vehicle cannot stand at the place to start from.")
     if not request.maps:
         notes = [f"Routes are looked for on {size}."]
     elif routes is not None and routes != grid:
@@ -356,17 +374,19 @@ def _grids(terrain: Terrain, vehicle: Vehicle, request: Request, written: bool) 
 
 
 def _fewest_headings(terrain: Terrain, vehicle: Vehicle, request: Request, grid: Grid) -> int:
-    """The fewest headings with which the vehicle can stand at the start; HEADINGS if none do."""
+    """The fewest headings with which the vehicle can stand at the start; as without, if none do."""
     start = request.start
     if start is None:
-        return HEADINGS
+        return first_headings(vehicle)
     row, column = cell_of(grid, *start)
-    for headings in (HEADINGS, *(finer_headings(grid) if request.travels else FINER_HEADINGS)):
-        surveyor = Surveyor(terrain, vehicle, grid, headings)
+    fewest = first_headings(vehicle)
+    more = finer_headings(grid, fewest) if request.travels else FINER_HEADINGS
+    for headings in (fewest, *more):
+        surveyor = Surveyor(terrain, vehicle, grid, headings, zones=request.keep_out)
         seen = survey_window(surveyor, Window(row, column, 1, 1))
         if can_stand(terrain, seen, start, (0, 0)):
             return headings
-    return HEADINGS
+    return fewest
 
 
 class BlockedEnd(NamedTuple):
@@ -435,8 +455,9 @@ def _blocked_place(
     bits = heading_bits(drivable(tiles.survey, part_of(window)))
     headings, at = tiles.survey.headings, part_of(window)
     turns = turnable(tiles.survey, turnings(terrain, prepared.vehicle), at)
-    begin = begin_in_largest(bits, headings, turns=turns)
-    part = connected_cells(bits, headings, begin, turns=turns).returned
+    radius = prepared.vehicle.turning_radius / tiles.survey.grid.resolution
+    begin = begin_in_largest(bits, headings, turns=turns, radius=radius)
+    part = connected_cells(bits, headings, begin, turns=turns, radius=radius).returned
     if not part.any():
         return why
     rows, columns = np.nonzero(part)
@@ -507,12 +528,15 @@ def assess(
             *prepared.notes,
             *_coverage_note(prepared),
             *_headings_note(prepared, routes),
+            *_alternatives_note(prepared.request, routes),
+            *_zones_note(request.keep_out),
             *_sampling_note(draws),
             *_heights_note(request),
             *_loads_note(vehicle),
         ),
         geojson=geojson_head(terrain),
         sampling=_sampling(draws, request),
+        keep_out=request.keep_out,
     )
 
 
@@ -584,6 +608,14 @@ def _plan_routes(prepared: PreparedRequest, progress: Progress | None) -> tuple[
     def plan(begin: Point, end: Point) -> Route:
         return finder.plan(begin, end, prefer=request.prefer)
 
+    def beside(route: Route, begin: Point, end: Point) -> Route:
+        ends, prefer = (begin, end), request.prefer
+        return replace(
+            route,
+            all_go_longer=finder.all_go_longer(route, *ends, prefer),
+            alternatives=finder.alternatives(route, *ends, prefer, request.alternatives),
+        )
+
     check = finder.check
     ways: list[tuple[Callable[..., Route], tuple[Any, ...], tuple[Any, ...]]] = [
         (plan, ((x0, y0), (x1, y1)), ((x1, y1), (x0, y0))) for x0, y0, x1, y1 in request.routes
@@ -592,6 +624,8 @@ def _plan_routes(prepared: PreparedRequest, progress: Progress | None) -> tuple[
     found = []
     for find, there, back in ways:
         route = find(*there)
+        if find is plan:
+            route = beside(route, *there)
         if request.returns and route.found:
             route = with_way_back(route, find(*back))
         found.append(with_charge(route, prepared.vehicle, prepared.terrain))
@@ -621,6 +655,27 @@ def _headings_note(prepared: PreparedRequest, routes: Sequence[Route]) -> Iterat
             f"A route takes {most} headings, the map has {prepared.builder.headings}: it may show "
             "as cut-off or one-way what that route passes. "
             f"With --headings {most} both have the same."
+        )
+
+
+def _alternatives_note(request: Request, routes: Sequence[Route]) -> Iterator[str]:
+    """Notes on routes that have fewer alternatives than were asked for."""
+    for number, route in enumerate(routes, 1):
+        count = len(route.alternatives)
+        if route.found and route.planned and count < request.alternatives:
+            which = f" to route {number}" if len(routes) > 1 else ""
+            wanted = count_of(request.alternatives, "alternative")
+            differ = "differ" if count > 1 else "differs"
+            yield f"Of {wanted}{which}, {count or 'none'} {differ} enough."
+
+
+def _zones_note(zones: Sequence[Zone]) -> Iterator[str]:
+    """A note on the zones that the vehicle keeps out of, and how."""
+    if zones:
+        yield (
+            f"It keeps out of {join_words([quote(zone.name) for zone in zones])}: nothing of its "
+            "rectangle seen from above enters, with 0.71 pixels to spare, at a heading or between "
+            "two."
         )
 
 
@@ -681,7 +736,10 @@ def verdict_of(summary: MapSummary | None, routes: Sequence[Route]) -> Verdict:
 def _route_grid(terrain: Terrain, vehicle: Vehicle, request: Request) -> tuple[Grid, str]:
     """The pixels for routes, and a note on their size."""
     return route_grid(
-        terrain, vehicle, headings=request.headings or HEADINGS, bounds=request.bounds
+        terrain,
+        vehicle,
+        headings=request.headings or first_headings(vehicle),
+        bounds=request.bounds,
     )
 
 

@@ -293,9 +293,10 @@ class MapBuilder:
         floods = 5 if begin is None else 4
         tell = (lambda more: progress(more / floods)) if progress else None
         turns, first = self._turns(), begin
+        radius = self._surveyor.vehicle.turning_radius / self.grid.resolution
         if first is None:
-            first = begin_in_largest(self.bits, self.headings, tell, turns)
-        found = connected_cells(self.bits, self.headings, first, tell, turns)
+            first = begin_in_largest(self.bits, self.headings, tell, turns, radius)
+        found = connected_cells(self.bits, self.headings, first, tell, turns, radius)
         classes = self.verdict.copy()
         drives = self.bits != 0
         least = area / self.grid.resolution**2
@@ -312,7 +313,7 @@ class MapBuilder:
         barred = (self.onward != 0) & (classes > GroundClass.CAUTION) & ~edge
         if found.returned.any() and (self.onward != self.bits).any() and barred.any():
             # nothing but the end of the file bars what is reached if the ground goes on there
-            more = connected_cells(self.onward, self.headings, first, tell, turns)
+            more = connected_cells(self.onward, self.headings, first, tell, turns, radius)
             classes[barred & more.returned] = GroundClass.EDGE
         elif tell:
             tell(2.0)

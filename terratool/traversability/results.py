@@ -14,6 +14,7 @@ from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid
 from terratool.report.wording import count_of
 from terratool.text.display import printable
+from terratool.traversability.keep_out import Zone
 from terratool.traversability.vehicle import Load, Vehicle
 
 HEADINGS = 8
@@ -109,7 +110,7 @@ In grey the verdicts differ, too: L* 88, 65, 31, unknown 65."""
 _LABELS = (
     "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",
     "slip", "sinkage", "side-slip", "tip-over", "step", "high-centred", "approach or departure",
-    "roughness", "turning on the spot", "drift", "foothold",
+    "roughness", "turning on the spot", "drift", "foothold", "keep-out",
 )  # fmt: skip
 """Names of the measures, by `Reason`."""
 
@@ -134,6 +135,7 @@ class Reason(NamedNumber):
     TURNING = 14
     DRIFT = 15
     FOOTHOLD = 16
+    KEEP_OUT = 17
 
     @property
     def label(self) -> str:
@@ -561,6 +563,11 @@ class Route:
             None where that is not limited, or there is no way.
         load: load of the vehicle with the smallest margin; None where it has no different loads, or
             there is no way.
+        all_go_longer: how much longer the best way by margin is, m, if that is go all along, and
+            this is not; None where it is not, or was not looked for.
+        alternatives: further ways, of those that were asked for.
+        shared: share of the length of an alternative that lies beside the best way and alternatives
+            before it; None for no alternative.
     """
 
     start: Location
@@ -595,6 +602,9 @@ class Route:
     stop: Extreme | None = None
     slowest: Extreme | None = None
     load: Load | None = None
+    all_go_longer: float | None = None
+    alternatives: tuple[Route, ...] = ()
+    shared: float | None = None
 
     @property
     def holds(self) -> bool:
@@ -764,6 +774,7 @@ class TraversabilityReport:
         notes: sentences on how the results were computed: resolutions, and why.
         geojson: a feature collection without features, with the terrain's reference system.
         sampling: sampling of the soils; None where no figures are ranges.
+        keep_out: zones that the vehicle keeps out of.
     """
 
     terrain: str
@@ -780,6 +791,7 @@ class TraversabilityReport:
     notes: tuple[str, ...] = ()
     geojson: dict[str, Any] = field(default_factory=lambda: {"type": "FeatureCollection"})
     sampling: Sampling | None = None
+    keep_out: tuple[Zone, ...] = ()
 
     def __repr__(self) -> str:
         about = " on ".join(printable(name) for name in (self.vehicle.name, self.terrain) if name)

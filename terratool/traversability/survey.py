@@ -16,13 +16,14 @@ from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.traversability.gear import ROUGH_FOOTHOLD, foot_friction, foot_share
 from terratool.traversability.height_error import HeightError, block_shifts, footprint_errors
+from terratool.traversability.keep_out import KeptOut, Zone
 from terratool.traversability.limits import (
     WheelLayout,
     slip_limit,
     tip_edges,
     wheel_layout,
 )
-from terratool.traversability.results import HEADINGS, MOST_HEADINGS, RANKS
+from terratool.traversability.results import HEADINGS, MOST_HEADINGS, RANKS, Reason, Verdict
 from terratool.traversability.soil import soils, step_friction
 from terratool.traversability.stance import (
     BeltPlaces,
@@ -352,6 +353,7 @@ class Surveyor:
         headings: number of headings, a multiple of 4 from 4 to 64.
         uncertainty: what is sampled, soils and heights; samples of the soils of a vehicle with one
             load alone may be given, too; None where all is known, or that does not matter.
+        zones: zones that the vehicle keeps out of.
 
     Raises:
         RequestError: the resolution does not go with the vehicle, or the number of headings makes
@@ -360,9 +362,11 @@ class Surveyor:
 
     def __init__(
         self, terrain: Terrain, vehicle: Vehicle, grid: Grid, headings: int = HEADINGS,
-        uncertainty: Uncertainty | SoilSamples | None = None,
+        uncertainty: Uncertainty | SoilSamples | None = None, zones: tuple[Zone, ...] = (),
     ) -> None:  # fmt: skip
         refuse_headings(headings)
+        self.zones = zones
+        self._kept_out = KeptOut(zones, vehicle, grid, headings) if zones else None
         self.headings = headings
         self.terrain, self.grid, self.vehicle = terrain, grid, vehicle
         self._parts = parts = parts_of(vehicle, grid.resolution)
@@ -398,7 +402,9 @@ class Surveyor:
             self._loads.append(_OnSoils(on_soils, sampled))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Surveyor, (self.terrain, self.vehicle, self.grid, self.headings, self.uncertainty)
+        return Surveyor, (
+            self.terrain, self.vehicle, self.grid, self.headings, self.uncertainty, self.zones,
+        )  # fmt: skip
 
     def windows(self, window: Window) -> Iterator[Window]:
         """Cut a window into windows that are small enough to be measured at once."""
@@ -476,11 +482,31 @@ class Surveyor:
         """Judge a heading into `out`, and set the bits of samples on which it is go in `go`.
 
         Of several loads the worst verdict counts, and the worst of each number; a sample is go if
-        it is with all of them.
+        it is with all of them. What lies in a zone is no-go.
 
         Returns:
             (height, width) index of the load that binds; None where there is only one.
         """
+        barred = None if self._kept_out is None else self._kept_out(window, heading)
+        before = go[barred].copy() if go is not None and barred is not None else None
+        binding = self._judge_loads(heading, stance, window, out, go)
+        if barred is None:
+            return binding
+        if go is not None and before is not None:
+            go[barred] = before
+        out.onward[barred] = 0
+        # what has no ground under it, or lies over the rim, stays that
+        barred &= (out.reason != Reason.EDGE) & (out.reason != Reason.NO_GROUND)
+        out.verdict[barred], out.reason[barred] = Verdict.NO_GO, Reason.KEEP_OUT
+        for plane in (kernels.UTILISATION, kernels.ENERGY):
+            out.numbers[plane][barred] = np.inf
+        return binding
+
+    def _judge_loads(
+        self, heading: int, stance: Stance, window: Window, out: Verdicts,
+        go: NDArray[np.uint64] | None,
+    ) -> NDArray[np.uint8] | None:  # fmt: skip
+        """Judge a heading with each load, as `_judge` does, wherever the vehicle may be."""
         first, *others = self._loads
         marked = go if go is None or not others else go.copy()
         self._judge_load(first, heading, stance, window, out, marked)

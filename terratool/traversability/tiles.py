@@ -15,6 +15,7 @@ from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window, window_name
 from terratool.raster.painter import id_type
 from terratool.tasks import Work, thread_count
+from terratool.traversability.keep_out import Zone
 from terratool.traversability.results import HEADINGS, Survey
 from terratool.traversability.survey import Surveyor, Uncertainty, WindowMeasures
 from terratool.traversability.vehicle import Vehicle
@@ -203,6 +204,11 @@ class SurveyTiles:
         held[tuple(tiles)] = True
         self._make(list(self._runs(~self.known & (held if held.any() else ~held))), crew)
         return self.survey
+
+    @property
+    def zones(self) -> tuple[Zone, ...]:
+        """Zones that the vehicle keeps out of."""
+        return () if self._surveyor is None else self._surveyor.zones
 
     @property
     def uncertainty(self) -> Uncertainty | None:

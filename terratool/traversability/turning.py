@@ -62,6 +62,8 @@ def turn_on_spot(vehicle: Vehicle, soil: Soil) -> Turning:
     """
     if vehicle.is_single:
         return Turning()
+    if vehicle.turning_radius:
+        return Turning(reason=Reason.TURNING)  # it never does
     layout, loads = wheel_layout(vehicle), wheel_loads(vehicle)
     if vehicle.steering == "wheels" or vehicle.feet:
         away = np.hypot(layout.x - vehicle.middle, layout.y)

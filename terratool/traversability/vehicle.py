@@ -30,8 +30,8 @@ from terratool.traversability.foot import disc_area
 from terratool.traversability.track import SECTIONS, track_gap
 
 _PLAIN = (
-    "clearance", "body_width", "steering", "speed", "power", "efficiency", "stopping_distance",
-    "reaction_time", "max_drift",
+    "clearance", "body_width", "steering", "turning_radius", "speed", "power", "efficiency",
+    "stopping_distance", "reaction_time", "max_drift",
 )  # fmt: skip
 """Keys of a vehicle's text that are attributes of `Vehicle` in the same units."""
 WATT_HOUR = 3600.0
@@ -321,6 +321,7 @@ class Vehicle:
         rear: overhang at the rear.
         steering: way of turning on the spot: "skid" slides the wheels sideways, "wheels" turns or
             swivels each into its path.
+        turning_radius: least radius of the way of its middle, m; 0 if it turns on the spot.
         speed: speed of the wheels' treads, m/s.
         power: power that is drawn whether the vehicle drives or not, W.
         max_drift: largest drift between two corners of a route that is go, m; infinity for no
@@ -349,6 +350,7 @@ class Vehicle:
     front: Overhang = field(default_factory=Overhang)
     rear: Overhang = field(default_factory=Overhang)
     steering: str = STEERINGS[0]
+    turning_radius: float = 0.0
     speed: float = 1.0
     power: float = 0.0
     max_drift: float = math.inf

@@ -235,6 +235,7 @@ class VehicleKeys(Struct, frozen=True):
     rear: OverhangKeys
     loads: tuple[LoadKeys, ...]
     steering: Annotated[str, one_of(STEERINGS)]
+    turning_radius_m: Metres
     speed_m_s: MetresPerSecond
     power_W: Watts
     max_drift_m: Metres | None
@@ -528,9 +529,24 @@ class RouteKeys(Struct, frozen=True):
     longest_stop: Annotated[StopKeys | None, ResultMember("stop")]
     slowest: SlowestKeys | None
     load: LoadKeys | None
+    all_go_longer_m: Metres | None
+    alternatives: tuple[RouteKeys, ...]
+    shared: Share | None
     profile: ProfileKeys | None
     probability: Annotated[Share | UnsetType, ResultMember("chance")] = UNSET
     least_probability: Annotated[LeastChanceKeys | UnsetType, ResultMember("least_chance")] = UNSET
+
+
+class ZoneKeys(Struct, frozen=True):
+    """A zone that the vehicle keeps out of.
+
+    Attributes:
+        name: name of the zone.
+        area_m2: area of the zone.
+    """
+
+    name: str
+    area_m2: SquareMetres
 
 
 class ReachKeys(Struct, frozen=True):
@@ -660,6 +676,7 @@ class ReportKeys(Document, frozen=True, kw_only=True):
     surfaces: tuple[SurfaceKeys, ...]
     mending: tuple[MendKeys, ...]
     map: MapKeys | None
+    keep_out: tuple[ZoneKeys, ...]
     routes: tuple[RouteKeys, ...]
     reach: ReachKeys | None
     notes: tuple[str, ...]
@@ -836,6 +853,7 @@ def _report(report: TraversabilityReport) -> ReportKeys:
         surfaces=tuple(fill_keys(SurfaceKeys, one) for one in report.surfaces),
         mending=tuple(MendKeys(place, line) for place, line in wording.mends(report)),
         map=None if report.summary is None else _map(report.summary),
+        keep_out=tuple(ZoneKeys(zone.name, float(zone.shape.area)) for zone in report.keep_out),
         routes=tuple(fill_keys(RouteKeys, one) for one in report.routes),
         reach=None if report.reach is None else fill_keys(ReachKeys, report.reach),
         notes=report.notes,

@@ -53,6 +53,8 @@ def _one(report: TraversabilityReport) -> Iterator[str]:
         line = printable(wording.route_line(route))
         if line not in printable(wording.conclusion(report)):
             yield from wrap(f"{route.verdict.label}: {line}")
+        for number, way in enumerate(route.alternatives, 1):
+            yield from wrap(f"alternative {number}: {wording.alternative(way)}")
     if report.reach and (line := wording.reach_line(report.reach)) != wording.conclusion(report):
         yield from wrap(printable(line))
     yield from _mend_lines(report)
@@ -135,6 +137,8 @@ def _step_limits(report: TraversabilityReport) -> str:
 
 def _turns(report: TraversabilityReport) -> str:
     """Sentence on the work of turning on the spot, by surface; empty if it takes none."""
+    if radius := report.vehicle.turning_radius:
+        return f"It does not turn on the spot: its turns have a radius of {numbers.length(radius)}."
     parts = _listed(
         (figures, wording.quarter_turn(figures))
         for figures in report.surfaces

@@ -18,6 +18,8 @@ from terratool.report import numbers
 from terratool.report.markup import escape_html, escape_markdown, render
 from terratool.report.tables import Table, join_tables
 from terratool.report.wording import join_words
+from terratool.text.display import quote
+from terratool.traversability.keep_out import Zone
 from terratool.traversability.report import comparison, curves, tables, wording
 from terratool.traversability.report.drawing import chart, map_picture
 from terratool.traversability.report.roses import rose_path
@@ -175,16 +177,18 @@ def _picture_of(
         reached = report.reach.cells[::stride, ::stride]
     west, south, east, north = preview.grid.bounds
     width, height = east - west, north - south
-    ways = [(_points(route, preview), route.found) for route in report.routes]
-    back = (route.back for route in report.routes)
-    ways += [(_points(route, preview), False) for route in back if route is not None]
+    drawn = [(way, " thin") for route in report.routes for way in route.alternatives]
+    drawn += [(route, "" if route.found else " dashed") for route in report.routes]
+    drawn += [(route.back, " dashed") for route in report.routes if route.back is not None]
+    ways = [(_points(route, preview), style) for route, style in drawn]
     scale = ticks(0.0, width, 4)[1]
     parts = {ground: fraction_of(counts, ground) for ground in wording.GROUNDS}
     return {
         "width": f"{min(60.0, 44.0 * (width / height)):.4g}",
         "png": base64.b64encode(png(map_picture(preview, reached))).decode("ascii"),
         "pixels": preview.ground.shape[::-1],
-        "ways": [(points, found) for points, found in ways if points],
+        "ways": [(points, style) for points, style in ways if points],
+        "zones": [path for zone in report.keep_out if (path := _outline(zone, preview))],
         "strips": [
             _polyline(outline, preview)
             for route in report.routes
@@ -214,6 +218,9 @@ def _caption(report: TraversabilityReport, preview: Preview) -> str:
     caption += f"North is up; a pixel is {numbers.length(preview.grid.resolution)}. "
     crs = f" in {preview.crs}" if preview.crs else ""
     caption += f"Along the sides stand x and y{crs}, m."
+    if report.keep_out:
+        names = join_words([quote(zone.name) for zone in report.keep_out])
+        caption += f" Dotted outlines: keep-out {names}."
     if any(
         route.profile is not None and any(True for _ in corridor(route.profile))
         for route in report.routes
@@ -269,6 +276,22 @@ def _polyline(line: NDArray[np.float64], preview: Preview) -> str:
         if not points or point != points[-1]:
             points.append(point)
     return " ".join(points)
+
+
+def _outline(zone: Zone, preview: Preview) -> str:
+    """Outline of a zone as an SVG path, in thousandths of the picture's sides; empty outside."""
+    import shapely
+
+    shape = shapely.intersection(zone.shape, shapely.box(*preview.grid.bounds))
+    parts = []
+    for polygon in shapely.get_parts(shape).tolist():
+        if polygon.geom_type != "Polygon":
+            continue  # where it only touches the picture's side
+        for ring in (polygon.exterior, *polygon.interiors):
+            places = (_position(x, y, preview) for x, y in np.array(ring.coords)[:-1, :2].tolist())
+            points = [f"{1000.0 * right:.1f},{1000.0 * down:.1f}" for right, down in places]
+            parts.append(f"M{'L'.join(points)}Z")
+    return "".join(parts)
 
 
 def _pins(report: TraversabilityReport, source: str, preview: Preview) -> list[_Pin]:

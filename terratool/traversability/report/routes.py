@@ -11,6 +11,7 @@ import numpy as np
 from terratool._version import __version__
 from terratool.report.documents import json_text
 from terratool.report.numbers import exact
+from terratool.traversability.keep_out import Zone
 from terratool.traversability.results import (
     Barrier,
     Location,
@@ -38,6 +39,7 @@ def as_geojson(reports: Reports) -> str:
             {**feature, "properties": {**own, **feature["properties"]}}
             for feature in route_features(one.routes)
         ]
+    found += [_zone(zone) for zone in reports.reports[0].keep_out]
     head = {**reports.reports[0].geojson, "terratool": __version__}
     lines = ",\n".join(json_text(feature, None) for feature in found)
     return f'{json_text(head, None)[:-1]}, "features": [\n{lines}\n]}}\n'
@@ -48,13 +50,23 @@ def route_features(routes: Sequence[Route]) -> Iterator[Feature]:
 
     `kind` of a feature is "route", "stretch" (of one surface, element, verdict and reason),
     "drift" (the ground between the route and where it drifts to), "start", "goal", or "barrier".
-    `route` counts the routes from 1; a way back has `back`. Coordinates are those of the terrain.
-    Unknown values are null.
+    `route` counts the routes from 1, and `alternative` those of a route; a way back has `back`.
+    Coordinates are those of the terrain. Unknown values are null.
     """
     for number, route in enumerate(routes, 1):
         yield from _features(route, {"route": number, "back": False})
+        for other, way in enumerate(route.alternatives, 1):
+            own = {"route": number, "back": False, "alternative": other}
+            yield from _features(way, own)
         if route.back is not None:
             yield from _features(route.back, {"route": number, "back": True})
+
+
+def _zone(zone: Zone) -> Feature:
+    """Feature of a keep-out zone: its area, corridors as wide as they are."""
+    import shapely
+
+    return _feature(shapely.geometry.mapping(zone.shape), {"kind": "keep-out", "name": zone.name})
 
 
 def _features(route: Route, own: dict[str, Any]) -> Iterator[Feature]:
@@ -88,6 +100,7 @@ def _summary(route: Route) -> dict[str, Any]:
         "drift_total_m": exact(route.drift_total),
         "charge": None if route.charge is None else exact(route.charge.share),
         "note": route.note or None,
+        **({} if route.shared is None else {"shared": exact(route.shared)}),
         **chances,
     }
 

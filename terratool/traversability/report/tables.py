@@ -324,6 +324,8 @@ def journey(route: Route) -> Iterator[tuple[str, str]]:
         yield "one-way", "it cannot be driven back the same way"
     if looked := wording.headings_line(route):
         yield "headings", looked
+    for number, other in enumerate(route.alternatives, 1):
+        yield f"alternative {number}", wording.alternative(other)
     if route.back is not None:
         yield "way back", wording.route_line(route.back)
 
@@ -345,7 +347,9 @@ def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
     if not vehicle.feet:
         yield "largest slip", numbers.share(wheel.max_slip)
     if not vehicle.is_single and vehicle.gear == "wheels":
-        yield "steering", STEERING[vehicle.steering]
+        radius = vehicle.turning_radius
+        yield "steering", "as a car does" if radius else STEERING[vehicle.steering]
+        yield "turning radius", numbers.length(radius) if radius else ""
     if vehicle.is_single:
         yield "load", numbers.quantity(vehicle.weight, "N")
     else:

@@ -124,6 +124,8 @@ def slow_phrase(route: Route) -> str:
 
 def quarter_turn(figures: Figures) -> str:
     """Work of a quarter turn on the spot, or the measure that forbids it."""
+    if figures.turning_binding == Reason.TURNING:
+        return "never"
     if figures.turning_binding != Reason.NONE:
         return f"cannot, by {figures.turning_binding.label}"
     return numbers.energy(figures.turning_work)
@@ -229,7 +231,27 @@ def ends(route: Route) -> str:
 
 def route_line(route: Route) -> str:
     """Sentence on a route, with the number of headings of the search where that matters."""
-    return f"{_way(route)} {headings_line(route)} {return_line(route)}".replace("  ", " ").rstrip()
+    lines = _way(route), all_go_line(route), headings_line(route), return_line(route)
+    return " ".join(filter(None, lines))
+
+
+def all_go_line(route: Route) -> str:
+    """Sentence on a way that is go all along, where that found is not; empty for none."""
+    more = route.all_go_longer
+    if more is None:
+        return ""
+    how = f"{numbers.length(abs(more))} {'longer' if more > 0.0 else 'shorter'}"
+    how = how if abs(more) >= 1e-3 else "as long"
+    return f"An all-go way is {how}: --prefer margin finds it."
+
+
+def alternative(route: Route) -> str:
+    """Phrase on an alternative: what it takes, its verdict and margin, and what it shares."""
+    parts = [_journey(route), route.verdict.label]
+    if route.tightest is not None:
+        parts.append(f"least margin {numbers.share(max(route.tightest.value, 0.0))}")
+    parts.append(f"shares {numbers.share(route.shared or 0.0)} with ways before")
+    return "; ".join(parts)
 
 
 def _way(route: Route) -> str:

@@ -14,6 +14,7 @@ from terratool.field.terrain import Terrain
 from terratool.field.types import PointSamples
 from terratool.report.numbers import coordinates
 from terratool.text.display import quote
+from terratool.traversability.keep_out import zone_at
 from terratool.traversability.limits import level_demand
 from terratool.traversability.results import Barrier, Reason, Survey
 from terratool.traversability.route.graph import drivable, turnable, turning_arc
@@ -86,7 +87,7 @@ def barriers(on: RouteSite, path: Path) -> tuple[Barrier, ...]:
     where the vehicle cannot turn. Where it is too steep for the soil, the motors or the vehicle's
     balance, the barrier says how steep, too.
     """
-    terrain, vehicle, survey = on.terrain, on.vehicle, on.survey
+    survey = on.survey
     no_ground = np.isnan(path.height)
     blocked = no_ground | ~path.values_of(drivable(survey))
     reasons = np.where(no_ground, np.uint8(Reason.NO_GROUND), path.values_of(survey.reason))
@@ -97,7 +98,7 @@ def barriers(on: RouteSite, path: Path) -> tuple[Barrier, ...]:
         both = np.r_[False, stuck] | np.r_[stuck, False]
         reasons[both & ~blocked] = Reason.TURNING
         blocked |= both
-    way = np.where(run > 0.0, run, turning_arc(survey, vehicle))
+    way = np.where(run > 0.0, run, turning_arc(survey, on.vehicle))
     width = 0.5 * (np.r_[0.0, way] + np.r_[way, 0.0])
     edges = np.flatnonzero(np.diff(np.r_[False, blocked, False].astype(np.int8)))
     found = []
@@ -110,13 +111,11 @@ def barriers(on: RouteSite, path: Path) -> tuple[Barrier, ...]:
                 on, int(survey.surfaces[path.row[first], path.column[first]]), (x, y)
             )
         else:
-            ground = barring_ground(
-                terrain, vehicle, reason, Pose(x, y, heading), survey.grid.resolution
-            )
+            ground = _barring(on, reason, Pose(x, y, heading))
         at = int(path.judged[first]), int(path.row[first]), int(path.column[first])
         found.append(
             Barrier(
-                location_at(terrain, x, y),
+                location_at(on.terrain, x, y),
                 reason,
                 ground.name + _slope_text(survey, reason, at),
                 float(width[first:end].sum()),
@@ -138,11 +137,21 @@ class BarringGround(NamedTuple):
     pointer: str = ""
 
 
+def _barring(on: RouteSite, reason: Reason, pose: Pose) -> BarringGround:
+    """The ground, or the keep-out zone, that bars the vehicle of a site by a measure."""
+    if reason == Reason.KEEP_OUT and on.tiles.zones:
+        zone = zone_at(on.tiles.zones, pose.x, pose.y)
+        return BarringGround(f"zone {quote(zone.name)}")
+    return barring_ground(on.terrain, on.vehicle, reason, pose, on.survey.grid.resolution)
+
+
 def _turning_ground(on: RouteSite, surface: int, place: Point) -> BarringGround:
     """The ground on which the vehicle cannot turn; its name has the measure that binds, too."""
     element = int(on.terrain.sample(*place).element)
     found = _ground_of(on.terrain, element, f"surface {quote(on.terrain.surfaces[surface - 1])}")
-    return found._replace(name=f"{found.name}, by {on.turns[surface].reason.label}")
+    reason = on.turns[surface].reason
+    by = "" if reason == Reason.TURNING else f", by {reason.label}"
+    return found._replace(name=f"{found.name}{by}")
 
 
 def _ground_of(terrain: Terrain, element: int, surface: str) -> BarringGround:
@@ -332,7 +341,7 @@ def blockage_at(on: RouteSite, place: Point, cell: Cell) -> Blockage:
     if reason == Reason.EDGE:
         return Blockage(reason, BarringGround(""))
     pose = Pose(*place, 2.0 * math.pi * heading / survey.headings)
-    by = barring_ground(on.terrain, on.vehicle, reason, pose, survey.grid.resolution)
+    by = _barring(on, reason, pose)
     name = by.name + _slope_text(survey, reason, (heading, *cell))
     return Blockage(reason, by._replace(name=name))
 

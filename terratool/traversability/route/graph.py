@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -43,8 +43,17 @@ _STAND = 1e-3
 BACKWARD = 1.05
 """Weight of a metre backwards, in metres ahead."""
 
+SHIFT = 0.5
+"""Cost of a change of gear, in metres for each metre of the turning radius."""
+
 ALLOWED, BACKING = 1, 2
 """Bits of a state: the vehicle may be there, and may be there when it moves backwards."""
+
+CAREFUL, BETWEEN = 4, 8
+"""Bits of a state for `pulled`: it is caution, and it leaves room for directions beside it."""
+
+_ROUNDS = 64
+"""Most rounds in which a way is pulled straight."""
 
 _BELOW = 1.0 - 1e-6
 """Factor of the least rate that allows for rates rounded to single precision."""
@@ -188,16 +197,30 @@ class Moves(NamedTuple):
         offsets: (headings, 2) int64, rows and columns to the cell that each heading points to.
         passed: (headings, most, 4) int64, two cells for each step between, as `cells_between`.
         steps: (headings,) int64, number of steps between.
+        arcs: (2 · headings, 2) int64, rows and columns to the cell that the arcs of each heading
+            lead to, anticlockwise and clockwise; none for vehicles that turn on the spot.
+        within: (2 · headings, most, 2) int64, cells that an arc passes, with both ends.
+        counts: (2 · headings,) int64, number of these.
+        spans: (2 · headings,) float64, length of each arc, in sides of a cell.
     """
 
     offsets: NDArray[np.int64]
     passed: NDArray[np.int64]
     steps: NDArray[np.int64]
+    arcs: NDArray[np.int64]
+    within: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    spans: NDArray[np.float64]
 
 
 @lru_cache(maxsize=16)
-def moves_of(headings: int) -> Moves:
+def moves_of(headings: int, radius: float = 0.0) -> Moves:
     """The moves of a number of headings.
+
+    Args:
+        headings: number of headings.
+        radius: least radius in which the vehicle turns, in sides of a cell; 0 if it turns on the
+            spot.
 
     Raises:
         RequestError: the number of headings is no multiple of 4 from 4 on.
@@ -208,7 +231,77 @@ def moves_of(headings: int) -> Moves:
     for cells, row in zip(between, passed, strict=True):
         for n, (near, other) in enumerate(cells):
             row[n] = (*near, *other)
-    return Moves(np.array(offsets), passed, np.array(list(map(len, between))))
+    bends = [
+        arc_of(offsets[heading], offsets[(heading + side) % headings], radius)
+        for heading in range(headings if radius else 0)
+        for side in (-1, 1)
+    ]
+    counts = np.array([len(arc.cells) for arc in bends], np.int64)
+    within = np.zeros((len(bends), max(counts, default=0), 2), np.int64)
+    for arc, own in zip(bends, within, strict=True):
+        own[: len(arc.cells)] = arc.cells
+    return Moves(
+        np.array(offsets), passed, np.array(list(map(len, between))),
+        np.array([arc.offset for arc in bends], np.int64).reshape(-1, 2), within,
+        counts, np.array([arc.length for arc in bends]),
+    )  # fmt: skip
+
+
+class Arc(NamedTuple):
+    """A turn of a car-like vehicle from one heading to the next: an arc, and a straight rest.
+
+    Attributes:
+        offset: rows and columns to the cell that it leads to.
+        length: length, in sides of a cell.
+        places: (n, 2) float64 rows and columns along it, less than a tenth of a cell apart.
+        directions: (n,) float64 direction at each, degrees clockwise from north.
+        cells: (m, 2) int64 cells that it passes, with both ends.
+    """
+
+    offset: Offset
+    length: float
+    places: NDArray[np.float64]
+    directions: NDArray[np.float64]
+    cells: NDArray[np.int64]
+
+
+@lru_cache(maxsize=256)
+def arc_of(begin: Offset, end: Offset, radius: float) -> Arc:
+    """The shortest turn from the direction of one move to that of another that ends at a cell.
+
+    The corner of its tangents lies whole moves from both ends: as many as leave room for an arc
+    of the radius or more.
+
+    Args:
+        begin: rows and columns of the move that it begins along.
+        end: rows and columns of the move that it ends along.
+        radius: least radius, in sides of a cell, above 0.
+    """
+    ways = np.array([begin, end], np.float64)
+    sides = np.hypot(*ways.T)
+    ahead, after = ways / sides[:, None]
+    one, other = (math.atan2(way[1], -way[0]) for way in (ahead, after))
+    turn = (other - one + math.pi) % (2.0 * math.pi) - math.pi
+    half = math.tan(0.5 * abs(turn))
+    counts = np.ceil(radius * half / sides - 1e-9).clip(1.0)
+    legs = counts * sides
+    tangent = float(legs.min())
+    wide = tangent / half
+    offset = counts[0] * ways[0] + counts[1] * ways[1]
+    bow, rests = wide * abs(turn), legs - tangent
+    length = float(rests.sum()) + bow
+    at = np.linspace(0.0, length, math.ceil(10.0 * length) + 1)[:, None]
+    swung = np.clip((at - rests[0]) / wide, 0.0, abs(turn))
+    # to the side that it turns to, seen from the direction it begins with
+    aside = np.array([ahead[1], -ahead[0]]) * math.copysign(1.0, turn)
+    places = ahead * (np.minimum(at, rests[0]) + wide * np.sin(swung))
+    places = places + aside * wide * (1.0 - np.cos(swung))
+    places = places + after * np.clip(at - rests[0] - bow, 0.0, None)
+    directions = np.degrees(one + math.copysign(1.0, turn) * swung[:, 0]) % 360.0
+    near = [np.round(places + aside_) for aside_ in (-1e-6, 1e-6)]
+    cells = np.unique(np.concatenate([*near, [[0.0, 0.0], offset]]).astype(np.int64), axis=0)
+    row, column = offset.astype(int).tolist()
+    return Arc((row, column), length, places, directions, cells)
 
 
 def heading_offsets(headings: int) -> tuple[Offset, ...]:
@@ -265,6 +358,22 @@ def _towards(angle: float, headings: int) -> Offset:
             return edge[errors.index(best)]
 
 
+def state_flags(
+    survey: Survey, can: NDArray[np.bool_], part: Any = np.s_[:, :]
+) -> NDArray[np.uint8]:
+    """Bits of states, (headings, height, width) uint8, or of a part of the cells; `can` as there.
+
+    What a slope asks for along a direction is at most 1 / cos of the angle to a heading beside it
+    more than along that heading, if the fall line lies between two: BETWEEN states have room for
+    that.
+    """
+    room = math.cos(math.pi / survey.headings)
+    beside = ~(survey.utilisation[:, *part] > room)
+    caution = survey.verdict[:, *part] == Verdict.CAUTION
+    bits = ALLOWED | BACKING | np.where(caution, CAREFUL, 0) | np.where(beside, BETWEEN, 0)
+    return np.where(can, bits, 0).astype(np.uint8)
+
+
 @dataclass(frozen=True, slots=True)
 class Costs:
     """Costs of moves, for the kernels.
@@ -286,6 +395,7 @@ class Costs:
         runs: (height, width) float32 metres at the rate of the cell that a turn costs in addition.
         resolution: side of a cell, m.
         backward: weight of a metre backwards.
+        shift: metres at the rate of the cell that a change of gear costs, of car-like vehicles.
         least: lower bound of the rates.
     """
 
@@ -299,16 +409,17 @@ class Costs:
     runs: NDArray[np.float32]
     resolution: float
     backward: float
+    shift: float
     least: float
 
     @classmethod
     def of(
         cls, rate: NDArray[np.float32], flags: NDArray[np.uint8], heights: NDArray[np.float32],
-        resolution: float, arc: float, least: float, tile: int = 0,
+        resolution: float, arc: float, least: float, tile: int = 0, radius: float = 0.0,
     ) -> Costs:  # fmt: skip
         """Costs with a turn by one heading as dear as driving `arc`, m, at the cell.
 
-        All cells are known where `tile` is 0.
+        All cells are known where `tile` is 0. Vehicles with a turning `radius`, m, turn by arcs.
         """
         headings, height, width = rate.shape
         side = tile or max(height, width)
@@ -316,8 +427,8 @@ class Costs:
         turn = np.zeros((height, width), np.float32)
         runs = np.full_like(turn, max(arc, _STAND * resolution))
         return cls(
-            moves_of(headings), rate, flags, heights, known, side, turn, runs, resolution, BACKWARD,
-            least,
+            moves_of(headings, radius / resolution), rate, flags, heights, known, side, turn, runs,
+            resolution, BACKWARD, SHIFT * radius, least,
         )  # fmt: skip
 
 
@@ -365,3 +476,32 @@ def cheapest_way(
     kernels.mark(search, reached)
     states = np.unravel_index(kernels.way(search)[::-1], shape)
     return SearchResult(kernels.cost(search), np.stack(states, axis=-1), reached)
+
+
+def pulled(
+    costs: Costs, found: SearchResult, both: bool = False, near: int = 0
+) -> NDArray[np.int64]:
+    """The corners of a way pulled straight: (n, 4) int64 row, column, sign and side.
+
+    Legs of any direction between the middles of cells take the place of chains of moves where they
+    cost less, and are neither longer over ground nor caution for longer. Corners are left out,
+    moved and cut off until nothing gets better. A leg is judged and paid as a move. Between two
+    headings it must be drivable with both, and the dearer one counts. Cells of tiles that the
+    search has not looked at are not driven, so that the way does not depend on which tiles happen
+    to be known.
+
+    Args:
+        costs: costs of the search, with bits of `state_flags`.
+        found: the search's result, with a way.
+        both: whether new legs must be drivable backwards, too, by both headings of each.
+        near: cells by which corners move at a time, so that the way stays on its side of obstacles
+            that are wider; 0 for any number.
+
+    Returns:
+        For each corner its cell, how the leg to it is driven (1 ahead, −1 backwards, 0 for the
+        start), and to which side the vehicle turns there (1 clockwise, −1, 0 for no turn).
+    """
+    looked_at = np.zeros_like(costs.known)
+    rows, columns = np.nonzero(found.reached)
+    looked_at[rows // costs.tile, columns // costs.tile] = True
+    return kernels.pull(replace(costs, known=looked_at), found.states, _ROUNDS, both, near)

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
-from terratool.traversability.results import FINER_HEADINGS, HEADINGS, Route
+from terratool.traversability.results import FINER_HEADINGS, HEADINGS, Route, Verdict
+from terratool.traversability.route.alternatives import Penalties, find_alternatives
 from terratool.traversability.route.barriers import Cell, Point
 from terratool.traversability.route.graph import Preference, drivable
 from terratool.traversability.route.paths import cell_of
@@ -38,6 +39,14 @@ class Progress(Protocol):
 
     def say(self, what: str, total: int | None = None, /) -> object:
         """Report the step that begins, in words, and its number of pixels if known."""
+
+
+def first_headings(vehicle: Vehicle) -> int:
+    """Number of headings that is tried first: HEADINGS, and twice that for car-like vehicles.
+
+    With 8 headings an arc turns a car by 45°, which leaves out places that are near beside it.
+    """
+    return 2 * HEADINGS if vehicle.turning_radius else HEADINGS
 
 
 def finer_headings(grid: Grid, headings: int = HEADINGS) -> tuple[int, ...]:
@@ -98,6 +107,48 @@ class WayFinder:
                 break
         return replace(search.route(), tried_headings=tried)
 
+    def all_go_longer(
+        self, route: Route, start: Point, goal: Point, prefer: Preference = "time"
+    ) -> float | None:
+        """Difference in length, m, of the best way by margin from a route, if it alone is all go.
+
+        It takes another search, which is made where some of the route is caution; else None.
+        """
+        if prefer == "margin" or route.profile is None or not route.found:
+            return None
+        if not np.any(route.profile.verdict == Verdict.CAUTION):
+            return None
+        tiles = self._survey_with(route.headings)
+        wide = search_route(self._terrain, self._vehicle, tiles, start, goal, "margin").route()
+        if wide.verdict != Verdict.GO or wide.length is None or route.length is None:
+            return None
+        return wide.length - route.length
+
+    def alternatives(
+        self, route: Route, start: Point, goal: Point, prefer: Preference, count: int
+    ) -> tuple[Route, ...]:
+        """Alternatives to a route that was planned, `count` at most, with its headings."""
+        if not route.found or not count:
+            return ()
+        tiles = self._survey_with(route.headings)
+
+        def search(penalties: Penalties) -> Route:
+            found = search_route(
+                self._terrain, self._vehicle, tiles, start, goal, prefer, penalties
+            )
+            return found.route()
+
+        width, grid = 2.0 * self._vehicle.rectangle[2], tiles.survey.grid
+        if not self._vehicle.turning_radius:
+            return find_alternatives(route, grid, width, prefer, count, search)
+
+        def barred() -> NDArray[np.bool_]:
+            return np.asarray((tiles.survey.verdict == Verdict.NO_GO).all(axis=0))
+
+        # ways of cars are not pulled straight, and so run beside each other where they could be one
+        width += 2.0 * self._vehicle.turning_radius
+        return find_alternatives(route, grid, width, prefer, count, search, barred)
+
     def check(self, waypoints: ArrayLike) -> Route:
         """Check waypoints as `check_route` does, by the fewest headings that show a way.
 
@@ -129,8 +180,8 @@ class WayFinder:
             few = headings == self.tiles.survey.headings
             self.progress.say(f"looking for ways{'' if few else f' with {headings} headings'}")
         if headings not in self._made:
-            grid, sampled = self.tiles.survey.grid, self.tiles.uncertainty
-            surveyor = Surveyor(self._terrain, self._vehicle, grid, headings, sampled)
+            grid, own = self.tiles.survey.grid, (self.tiles.uncertainty, self.tiles.zones)
+            surveyor = Surveyor(self._terrain, self._vehicle, grid, headings, *own)
             self._made[headings] = SurveyTiles(surveyor, threads=self._threads)
         self._made[headings].progress = self.progress
         return self._made[headings]

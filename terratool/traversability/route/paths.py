@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +22,7 @@ from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
 from terratool.report.numbers import coordinates
 from terratool.traversability.results import (
+    RANKS,
     Extreme,
     Location,
     Reason,
@@ -29,6 +32,7 @@ from terratool.traversability.results import (
 )
 from terratool.traversability.route.drifting import drift_along
 from terratool.traversability.route.graph import (
+    arc_of,
     cells_between,
     drivable,
     heading_offsets,
@@ -41,6 +45,8 @@ from terratool.traversability.vehicle import Vehicle
 
 _PER_CELL = 2
 """Samples per side of a cell along a straight leg."""
+_SAME = 1e-9
+"""Largest difference of directions that are the same, degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +57,10 @@ class Path:
         x, y: world coordinates, m.
         height: height of the ground, m; NaN where there is none.
         row, column: cell of the survey, int64.
-        heading: index of the vehicle's heading, int64.
-        judged: index of the heading by which a sample is judged, int64: the opposite heading where
-            the vehicle has backed up to the sample.
+        heading: index of the survey's heading nearest to where the vehicle looks, int64.
+        judged: index of the heading by which a sample is judged, int64: the worse of those beside
+            the direction of the leg to it; opposite ones where the vehicle has backed up to it.
+        direction: where the vehicle looks, degrees clockwise from north, below 360.
     """
 
     x: NDArray[np.float64]
@@ -63,6 +70,7 @@ class Path:
     column: NDArray[np.int64]
     heading: NDArray[np.int64]
     judged: NDArray[np.int64]
+    direction: NDArray[np.float64]
 
     @property
     def leg_lengths(self) -> NDArray[np.float64]:
@@ -100,11 +108,14 @@ class DrivingCost:
     stopping: NDArray[np.float64]
 
 
-def graph_path(states: NDArray[np.int64], survey: Survey) -> Path:
+def graph_path(states: NDArray[np.int64], survey: Survey, radius: float = 0.0) -> Path:
     """The samples of states, (n, 3), in order, and of the cells that moves pass.
 
-    Where a move passes between two cells, a cell that cannot be driven is the sample, if any.
+    Where a move passes between two cells, a cell that cannot be driven is the sample, if any. Moves
+    that change the heading are arcs of the `radius`, in sides of a cell, or more.
     """
+    if radius:
+        return _bent_path(states, survey, radius)
     towards = heading_offsets(survey.headings)
 
     def is_drivable(heading: int, cell: tuple[int, int]) -> bool:
@@ -133,35 +144,231 @@ def graph_path(states: NDArray[np.int64], survey: Survey) -> Path:
     x = grid.west + (exact[:, 1] + 0.5) * grid.resolution
     y = grid.bounds[3] - (exact[:, 0] + 0.5) * grid.resolution
     height = survey.heights[rows, columns].astype(np.float64)
-    return Path(x, y, height, rows, columns, headings, judgements)
+    direction = headings * (360.0 / survey.headings)
+    return Path(x, y, height, rows, columns, headings, judgements, direction)
+
+
+def _bent_path(states: NDArray[np.int64], survey: Survey, radius: float) -> Path:
+    """The samples of states, (n, 3), between which lie straight moves and arcs of a radius."""
+    count, offsets = survey.headings, heading_offsets(survey.headings)
+    heading, row, column = states[0].tolist()
+    own = _move_directions(count)
+    parts = [np.array([[row, column, row, column, heading, heading, own[heading], 0.0]])]
+    for (heading, row, column), (to, to_row, to_column) in pairwise(states.tolist()):
+        move = np.array([to_row - row, to_column - column])
+        if to == heading:
+            back = tuple(move.tolist()) != offsets[heading]
+            shares = np.linspace(0.0, 1.0, int(np.abs(move).max()) + 1)[1:]
+            places = shares[:, None] * move
+            directions = np.full(len(shares), own[heading])
+        else:
+            arc = arc_of(offsets[heading], offsets[to], radius)
+            back = tuple(move.tolist()) != arc.offset
+            chosen = np.linspace(0, len(arc.places) - 1, math.ceil(arc.length) + 1)
+            at = np.round(chosen).astype(np.int64)[1:]
+            places, directions = arc.places[at] * (-1.0 if back else 1.0), arc.directions[at]
+            shares = at / (len(arc.places) - 1)
+        exact = places + np.array([row, column])
+        cells = np.round(exact).astype(np.int64)
+        options = np.empty((len(cells), 2, 3), np.int64)
+        options[:, :, 0] = (np.array([heading, to]) + count // 2 * back) % count
+        options[:, :, 1:] = cells[:, None]
+        judged = _worst_of(options, survey)[:, 0]
+        facing = np.where(np.arange(len(cells)) < len(cells) / 2, heading, to)
+        facing[-1] = to
+        parts.append(np.column_stack([exact, cells, facing, judged, directions, shares]))
+    samples = np.concatenate(parts)
+    exact, whole, (direction, share) = samples[:, :2], samples[:, 2:6], samples[:, 6:].T
+    rows, columns, headings, judgements = whole.astype(np.int64).T
+    # heights rise evenly from state to state
+    ended = np.r_[0, np.flatnonzero(share >= 1.0)]
+    known = survey.heights[rows[ended], columns[ended]].astype(np.float64)
+    moves = np.cumsum(share >= 1.0) + np.where(share < 1.0, share, 0.0)
+    height = np.interp(moves, np.arange(len(known)), known)
+    grid = survey.grid
+    x = grid.west + (exact[:, 1] + 0.5) * grid.resolution
+    y = grid.bounds[3] - (exact[:, 0] + 0.5) * grid.resolution
+    return Path(x, y, height, rows, columns, headings, judgements, direction)
+
+
+class Leg(NamedTuple):
+    """A straight leg from its first sample on, whose end is the first sample of the next one.
+
+    Attributes:
+        x, y: world coordinates of the samples, (n,) m.
+        cells: (n, k, 2) int64 rows and columns of the k cells that each sample is judged by.
+        towards: direction in which the leg is driven, degrees clockwise from north.
+        sign: 1 where it is driven ahead, −1 backwards.
+        side: 1 where the vehicle turns clockwise before the leg, −1 anticlockwise.
+    """
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    towards: float
+    sign: int = 1
+    side: int = 1
+
+    @property
+    def facing(self) -> float:
+        """Where the vehicle looks, degrees clockwise from north, below 360."""
+        return self.towards if self.sign > 0 else (self.towards + 180.0) % 360.0
+
+
+def _snapped(direction: float, headings: int) -> float:
+    """A direction, degrees from 0 to below 360, that is a heading's own where it is as good as."""
+    step = 360.0 / headings
+    near = round(direction / step) * step
+    return (near if abs(direction - near) < _SAME else direction) % 360.0
+
+
+@lru_cache(maxsize=16)
+def _move_directions(headings: int) -> NDArray[np.float64]:
+    """Directions of the moves of headings, (headings,) degrees clockwise from north."""
+    down, right = np.array(heading_offsets(headings)).T
+    return np.asarray(np.degrees(np.arctan2(right, -down)) % 360.0)
+
+
+def headings_beside(direction: float, headings: int) -> tuple[int, int]:
+    """The headings of a survey that a direction, degrees, is judged by.
+
+    One heading, twice, for its own direction and for that of its move; else both neighbours.
+    """
+    at = (direction * headings / 360.0) % headings
+    moves = np.abs((_move_directions(headings) - direction + 180.0) % 360.0 - 180.0)
+    if moves.min() < _SAME:
+        return (int(moves.argmin()),) * 2
+    if abs(at - round(at)) < 1e-9:
+        return (round(at) % headings,) * 2
+    return int(at), (int(at) + 1) % headings
+
+
+def legs_path(legs: Sequence[Leg], survey: Survey) -> Path:
+    """The samples of straight legs, and of the turns on the spot between them; without heights.
+
+    A turn has a sample at each heading of the survey that it passes. Where several headings or
+    cells judge a sample, it has the worst of them.
+    """
+    count = survey.headings
+    step = 360.0 / count
+    parts: list[NDArray[np.float64]] = []
+    for n, leg in enumerate(legs):
+        beside = headings_beside(leg.towards, count)
+        cells, wide = leg.cells, leg.cells.shape[1]
+        options = np.empty((len(leg.x), 2 * wide, 3), np.int64)
+        options[:, :, 0] = np.repeat(beside, wide)
+        options[:, :, 1:] = np.tile(cells, (1, 2, 1))
+        chosen = _worst_of(options, survey)
+        nearest = round(leg.facing / step) % count
+        if n:
+            cell = parts[-1][-1, 2:4]
+            place = leg.x[0], leg.y[0], *cell
+            turn = _turned(legs[n - 1].facing, leg.facing, leg.side, step)
+            for at in turn:
+                heading = round(at / step) % count
+                parts.append(np.array([[*place, heading, heading, at]]))
+            own = np.array(headings_beside(leg.facing, count))
+            there = np.column_stack([own, np.broadcast_to(cell, (2, 2)).astype(np.int64)])
+            judged = _worst_of(there[None], survey)[0, 0]
+            if legs[n - 1].facing != leg.facing:
+                parts.append(np.array([[*place, nearest, judged, leg.facing]]))
+        first = 1 if n else 0
+        facing = np.full(len(leg.x), leg.facing)
+        rows = [leg.x, leg.y, chosen[:, 1], chosen[:, 2], np.full(len(leg.x), nearest),
+                chosen[:, 0], facing]  # fmt: skip
+        parts.append(np.column_stack(rows)[first:])
+    x, y, row, column, heading, judged, direction = np.concatenate(parts).T
+    return Path(
+        x, y, np.full_like(x, np.nan), row.astype(np.int64), column.astype(np.int64),
+        heading.astype(np.int64), judged.astype(np.int64), direction,
+    )  # fmt: skip
+
+
+def _turned(before: float, after: float, side: int, step: float) -> list[float]:
+    """Directions of headings passed by a turn to a side, degrees, without its ends."""
+    if before == after:
+        return []
+    angle = (after - before) * side % 360.0
+    first = (
+        math.floor(before / step + _SAME) + 1 if side > 0 else math.ceil(before / step - _SAME) - 1
+    )
+    found = []
+    while abs(first * step - before) < angle - _SAME:
+        found.append(first * step % 360.0)
+        first += side
+    return found
+
+
+def _worst_of(options: NDArray[np.int64], survey: Survey) -> NDArray[np.int64]:
+    """The worst of states, (n, k, 3) heading, row and column: (n, 3).
+
+    It is one that cannot be driven, or has the worst verdict, or of equal ones the least margin.
+    """
+    heading, row, column = options.transpose(2, 0, 1)
+    verdict = survey.verdict[heading, row, column]
+    can = (verdict == Verdict.GO) | (verdict == Verdict.CAUTION)
+    can &= np.isfinite(survey.heights[row, column])
+    can &= np.isfinite(survey.energy[heading, row, column])
+    used = np.clip(np.nan_to_num(survey.utilisation[heading, row, column]), 0.0, 10.0)
+    score = np.where(can, 0.0, 1e4) + 100.0 * RANKS[verdict] + used
+    return np.asarray(options[np.arange(len(options)), score.argmax(axis=1)])
+
+
+def pulled_path(corners: NDArray[np.int64], survey: Survey) -> Path:
+    """The samples of a way that is pulled straight.
+
+    Samples lie at each step along the longer axis of a leg; where a leg passes between two cells
+    both count, and the height lies between theirs.
+
+    Args:
+        corners: (n, 4) int64, as `kernels.pull` returns them, n ≥ 2.
+        survey: the survey of which these are cells.
+    """
+    grid, legs, heights = survey.grid, [], []
+    for n, (begin, end) in enumerate(pairwise(corners.tolist())):
+        (row, column, _, side), (to_row, to_column, sign, _) = begin, end
+        down, right = to_row - row, to_column - column
+        steps = max(abs(down), abs(right))
+        step = np.arange(steps + 1)
+        # in whole numbers, as the kernel does it
+        rows, rest_down = np.divmod(down * step, steps)
+        columns, rest_right = np.divmod(right * step, steps)
+        near = np.stack([row + rows, column + columns], axis=-1)
+        other = near + np.stack([rest_down > 0, rest_right > 0], axis=-1)
+        share = np.maximum(rest_down, rest_right) / steps
+        low, high = (survey.heights[tuple(at.T)].astype(np.float64) for at in (near, other))
+        x = grid.west + (column + right * step / steps + 0.5) * grid.resolution
+        y = grid.bounds[3] - (row + down * step / steps + 0.5) * grid.resolution
+        towards = _snapped(math.degrees(math.atan2(right, -down)) % 360.0, survey.headings)
+        cells = np.stack([near, other], axis=1)
+        legs.append(Leg(x, y, cells, towards, sign, side))
+        between = np.where(np.isnan(high - low), low, low + share * (high - low))
+        heights.append(between[1 if n else 0 :])
+    path = legs_path(legs, survey)
+    # turns have the height of where they are made
+    moved = np.r_[True, path.leg_lengths > 0.0]
+    height = np.concatenate(heights)[np.cumsum(moved) - 1]
+    return replace(path, height=height)
 
 
 def straight_path(terrain: Terrain, survey: Survey, points: NDArray[np.float64]) -> Path:
     """The samples of straight legs between points, (n, 2), none of which repeats the one before.
 
-    A leg has the heading of the survey that is nearest to its direction. Between two legs the
-    vehicle turns on the spot, the shorter way round.
+    A leg is judged by the headings of the survey on both sides of its direction, and counts as the
+    worse. Between two legs the vehicle turns on the spot, the shorter way round.
     """
-    east, north = np.diff(points, axis=0).T
-    count = survey.headings
-    towards = np.round(np.arctan2(east, north) * (count / (2.0 * math.pi))).astype(np.int64) % count
-    samples: list[tuple[float, float, int]] = []
-    facing = int(towards[0])
-    for n, heading in enumerate(towards.tolist()):
-        (x, y), (to_x, to_y) = points[n].tolist(), points[n + 1].tolist()
-        samples.append((x, y, facing))
-        side = 1 if (heading - facing) % count < count / 2 else -1
-        while facing != heading:
-            facing = (facing + side) % count
-            samples.append((x, y, facing))
+    legs: list[Leg] = []
+    for (x, y), (to_x, to_y) in pairwise(points.tolist()):
+        towards = _snapped(math.degrees(math.atan2(to_x - x, to_y - y)) % 360.0, survey.headings)
         steps = math.ceil(_PER_CELL * math.hypot(to_x - x, to_y - y) / survey.grid.resolution)
-        for step in range(1, steps):
-            share = step / steps
-            samples.append((x + share * (to_x - x), y + share * (to_y - y), facing))
-    samples.append((*points[-1].tolist(), facing))
-    x, y, headings = (np.array(part) for part in zip(*samples, strict=True))
-    row, column = cells_of(survey.grid, x, y)
-    return Path(x, y, terrain.height(x, y), row, column, headings, headings)
+        share = np.arange(steps + 1) / steps
+        xs, ys = x + share * (to_x - x), y + share * (to_y - y)
+        xs[-1], ys[-1] = to_x, to_y
+        cells = np.stack(cells_of(survey.grid, xs, ys), axis=-1)[:, None]
+        turn = (towards - legs[-1].towards) % 360.0 if legs else 0.0
+        legs.append(Leg(xs, ys, cells, towards, side=1 if turn < 180.0 else -1))
+    path = legs_path(legs, survey)
+    return replace(path, height=terrain.height(path.x, path.y))
 
 
 def reversed_path(path: Path, headings: int) -> Path:
@@ -171,7 +378,7 @@ def reversed_path(path: Path, headings: int) -> Path:
     judged = np.r_[turned[:1], turned[:-1]]
     return Path(
         path.x[::-1], path.y[::-1], path.height[::-1], path.row[::-1], path.column[::-1],
-        judged, judged,
+        judged, judged, (path.direction[::-1] + 180.0) % 360.0,
     )  # fmt: skip
 
 
@@ -228,7 +435,8 @@ def driving_cost(
     time = float(own_time.sum())
     energy = float(own_energy.sum()) + vehicle.power * time
     on = survey.surfaces[path.row[1:], path.column[1:]][~driven]
-    angle = 2.0 * math.pi / survey.headings
+    turned = (np.diff(path.direction)[~driven] + 180.0) % 360.0 - 180.0
+    angle = np.radians(np.abs(turned))
     turn_time = angle / vehicle.speed * np.array([turns[surface].run for surface in on])
     turn_work = angle / vehicle.efficiency * np.array([turns[surface].work for surface in on])
     turning_time = float(turn_time.sum())
@@ -253,6 +461,11 @@ def profile(path: Path, survey: Survey, terrain: Terrain, cost: DrivingCost) -> 
     """The profile of a path for reports, with what its driving costs."""
     names = ("", *terrain.surfaces)
     facing = path.heading, path.row, path.column
+    # the slopes of the plane under the vehicle, along and across the direction it looks in
+    aside = np.radians(path.direction - path.heading * (360.0 / survey.headings))
+    along, left = (
+        np.tan(plane[facing].astype(np.float64)) for plane in (survey.pitch, survey.roll)
+    )
 
     def uphill(judged: NDArray[np.int64], cells: slice) -> NDArray[np.float64]:
         """Crab angles to the left; a roll above 0 has the left side up."""
@@ -264,12 +477,12 @@ def profile(path: Path, survey: Survey, terrain: Terrain, cost: DrivingCost) -> 
     return RouteProfile(
         path.x,
         path.y,
-        path.heading.astype(np.float64) * (360.0 / survey.headings),
+        path.direction,
         np.r_[0.0, np.cumsum(path.leg_lengths)],
         path.height,
         path.values_of(survey.sinkage).astype(np.float64),
-        survey.pitch[facing].astype(np.float64),
-        survey.roll[facing].astype(np.float64),
+        np.arctan(along * np.cos(aside) - left * np.sin(aside)),
+        np.arctan(left * np.cos(aside) + along * np.sin(aside)),
         path.values_of(survey.slip).astype(np.float64),
         path.values_of(survey.utilisation).astype(np.float64),
         path.values_of(survey.verdict),

@@ -64,11 +64,12 @@ def spread(
     against: bool = False,
     progress: Progress | None = None,
     turns: Turns = None,
+    radius: float = 0.0,
 ) -> Bits:
     """All states that moves lead to from the states `begin`; with `against`, that lead to these."""
     fresh, reached = begin & bits, np.zeros_like(bits)
     direction = kernels.AGAINST if against else kernels.ALONG
-    moves = moves_of(headings)
+    moves = moves_of(headings, radius)
     _run_in_parts(
         bits.size * headings,
         lambda states: kernels.flood(moves, direction, bits, turns, fresh, reached, states),
@@ -98,6 +99,7 @@ def connected_cells(
     begin: Bits,
     progress: Progress | None = None,
     turns: Turns = None,
+    radius: float = 0.0,
 ) -> Connected:
     """Cells that can be reached from states, and from which any of them can be reached again.
 
@@ -107,9 +109,10 @@ def connected_cells(
         begin: states to begin from, as bits; those that cannot be driven count for nothing.
         progress: called with shares that add to 1 for the way there, and to 1 for the way back.
         turns: cells at which the vehicle can turn on the spot.
+        radius: least radius in which it turns, in sides of a cell; 0 if it turns on the spot.
     """
-    there = spread(bits, headings, begin, progress=progress, turns=turns)
-    back = there & spread(bits, headings, begin, True, progress, turns)
+    there = spread(bits, headings, begin, False, progress, turns, radius)
+    back = there & spread(bits, headings, begin, True, progress, turns, radius)
     return Connected(there != 0, back != 0)
 
 
@@ -128,15 +131,16 @@ def begin_from(bits: Bits, terrain: Terrain, grid: Grid, start: tuple[float, flo
 
 
 def begin_in_largest(
-    bits: Bits, headings: int, progress: Progress | None = None, turns: Turns = None
-) -> Bits:
+    bits: Bits, headings: int, progress: Progress | None = None, turns: Turns = None,
+    radius: float = 0.0,
+) -> Bits:  # fmt: skip
     """A state of the part of the ground with the most states, as bits; none without a part.
 
     A part is connected by moves that can each be undone at once, by backing up or by turning
     round. States that are reached from a part and return to it by other ways belong to the part,
     but do not count.
     """
-    moves, parts = moves_of(headings), np.zeros((2, 3), np.int64)
+    moves, parts = moves_of(headings, radius), np.zeros((2, 3), np.int64)
     begin, reached = np.zeros_like(bits), np.zeros_like(bits)
     _run_in_parts(
         bits.size * headings,

@@ -48,7 +48,9 @@ from terratool.traversability.route.graph import (
     check_preference,
     drivable,
     least_rate,
+    pulled,
     rates,
+    state_flags,
     turn_prices,
     turnable,
     turning_arc,
@@ -62,6 +64,7 @@ from terratool.traversability.route.paths import (
     graph_path,
     location_at,
     profile,
+    pulled_path,
     reversed_path,
     straight_path,
     worst_verdict,
@@ -91,6 +94,10 @@ _COARSER = 1.01
 
 _BARRIER_WEIGHT = 1e6
 """Weight of a metre that cannot be driven, on the way of least resistance."""
+
+
+_NEAR = 2
+"""Cells by which corners of an alternative move at a time, so that it stays one."""
 
 
 def route_grid(
@@ -178,8 +185,11 @@ def search_route(
     start: Point,
     goal: Point,
     prefer: Preference = "time",
+    penalties: NDArray[np.float32] | None = None,
 ) -> RouteSearch:
     """Run the search of `plan_route` alone, without barriers.
+
+    Costs of cells are multiplied by `penalties`, (height, width), 1 or more; by 1 if None.
 
     Raises:
         RequestError: start or goal is outside the terrain or the survey; there is no such
@@ -195,8 +205,17 @@ def search_route(
     tiles.complete(*np.array(ends).T)
     on = RouteSite.of(terrain, vehicle, tiles)
     stands = tuple(can_stand(terrain, tiles.survey, *end) for end in zip(places, ends, strict=True))
-    found = _search(on, prefer, *ends) if stands[0] else None
-    return RouteSearch(on, places, ends, stands, found)
+    if not stands[0]:
+        return RouteSearch(on, places, ends, stands, None)
+    costs, fill = _costs(on, prefer)
+    if penalties is None:
+        found = _search_tiles(on, costs, fill, *ends)
+    else:
+        found = _search_tiles(on, *_penalised(costs, fill, penalties), *ends)
+        for tile in np.flatnonzero(costs.known).tolist():
+            fill(part_of(tiles.window(tile)))  # the way is pulled straight by what it really costs
+    near = 0 if penalties is None else _NEAR
+    return RouteSearch(on, places, ends, stands, found, costs, near)
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,6 +228,9 @@ class RouteSearch:
         ends: cells of start and goal.
         stands: whether the vehicle can stand at start and goal.
         found: result of the search; None where the vehicle cannot stand at the start.
+        costs: costs of the search; None where there was none.
+        near: cells by which corners of the way move at a time when it is pulled straight; 0 for any
+            number.
     """
 
     on: RouteSite
@@ -216,11 +238,35 @@ class RouteSearch:
     ends: tuple[Cell, ...]
     stands: tuple[bool, ...]
     found: SearchResult | None
+    costs: Costs | None = None
+    near: int = 0
 
     @property
     def has_way(self) -> bool:
         """Whether there is a way."""
         return self.found is not None and len(self.found.states) > 0 and self.stands[1]
+
+    def _way(self, route: Route) -> Route:
+        """Complete a route by the way that was found, pulled straight unless it has arcs.
+
+        It is one-way only if the chain of moves is, too.
+        """
+        assert self.found is not None and self.costs is not None
+        survey, radius = self.on.survey, self.on.vehicle.turning_radius
+        chain = graph_path(self.found.states, survey, radius / survey.grid.resolution)
+        if radius:
+            return _with_way(route, chain, self.on, not _leads_back(chain, self.on))
+        for both in (False, True):
+            corners = pulled(self.costs, self.found, both, self.near)
+            path = pulled_path(corners, survey) if len(corners) > 1 else chain
+            one_way = not _leads_back(path, self.on)
+            if one_way and _leads_back(chain, self.on):
+                continue
+            # longer legs drift farther between two corners
+            found = _with_way(route, path, self.on, one_way)
+            if not found.strays:
+                return found
+        return _with_way(route, chain, self.on, not _leads_back(chain, self.on))
 
     def route(self) -> Route:
         """The route with its way, or with barriers, which take a second search."""
@@ -238,9 +284,9 @@ class RouteSearch:
         if self.found is None:
             return _with_barriers(route, (_barrier_at(on, start, ends[0]),), None, note)
         if self.has_way:
-            return _with_way(route, graph_path(self.found.states, on.survey), on)
+            return self._way(route)
         nearest = _nearest_marked(on.terrain, on.survey, self.found.reached, ends[1])
-        between = barriers(on, _least_resistance(on, *ends))
+        between = barriers(on, _least_resistance(on, ends[0], ends[1]))
         # the goal's cell may be reachable although the goal itself has no ground
         bars = between or (_barrier_at(on, goal, ends[1]),)
         return _with_barriers(route, bars, nearest, note)
@@ -284,7 +330,7 @@ def check_route(
     route = Route(start, goal, False, False, Verdict.NO_GO, headings=tiles.survey.headings)
     found = barriers(on, path)
     if not found:
-        return _with_way(route, path, on)
+        return _with_way(route, path, on, not _leads_back(path, on))
     at = (found[0].place.x, found[0].place.y)
     first = int(np.flatnonzero((path.x == at[0]) & (path.y == at[1]))[0])
     before = location_at(
@@ -329,7 +375,8 @@ def reach(
     bits = heading_bits(drivable(seen))
     turns = None if vehicle is None else turnable(seen, turnings(terrain, vehicle))
     begin = begin_from(bits, terrain, seen.grid, start)
-    found = connected_cells(bits, seen.headings, begin, turns=turns)
+    radius = 0.0 if vehicle is None else vehicle.turning_radius / seen.grid.resolution
+    found = connected_cells(bits, seen.headings, begin, turns=turns, radius=radius)
     return reach_of(terrain, start, found, np.isfinite(seen.heights))
 
 
@@ -354,24 +401,36 @@ def reach_of(
     )
 
 
-def _search(on: RouteSite, prefer: Preference, begin: Cell, end: Cell) -> SearchResult:
-    """Search for the cheapest way through states that are go or caution."""
+def _costs(on: RouteSite, prefer: Preference) -> tuple[Costs, Callable[[Any], None]]:
+    """Costs of ways through states that are go or caution, and what fills in those of a part."""
     survey, vehicle = on.survey, on.vehicle
     prices = turn_prices(on.turns, survey, vehicle, prefer)
     costs = Costs.of(
         np.zeros(survey.verdict.shape, np.float32), np.zeros(survey.verdict.shape, np.uint8),
         survey.heights, survey.grid.resolution, 0.0, least_rate(vehicle, prefer), on.tiles.side,
+        vehicle.turning_radius,
     )  # fmt: skip
 
     def fill(part: Any) -> None:
         """Fill in the costs of a part of the cells."""
-        can = drivable(survey, part)
-        costs.flags[:, *part] = np.where(can, ALLOWED | BACKING, 0)
+        costs.flags[:, *part] = state_flags(survey, drivable(survey, part), part)
         costs.rate[:, *part] = rates(survey, vehicle, prefer, part, on.brakes)
         costs.turn[part] = prices.fixed[survey.surfaces[part]]
         costs.runs[part] = prices.metres[survey.surfaces[part]]
 
-    return _search_tiles(on, costs, fill, begin, end)
+    return costs, fill
+
+
+def _penalised(
+    costs: Costs, fill: Callable[[Any], None], penalties: NDArray[np.float32]
+) -> tuple[Costs, Callable[[Any], None]]:
+    """Costs whose parts are multiplied by penalties after they are filled in."""
+
+    def fill_more(part: Any) -> None:
+        fill(part)
+        costs.rate[:, *part] *= penalties[part]
+
+    return costs, fill_more
 
 
 def _search_tiles(
@@ -394,7 +453,7 @@ def _search_tiles(
     return cheapest_way(costs, np.array(starts, np.int64), end, ask)
 
 
-def _with_way(route: Route, path: Path, on: RouteSite) -> Route:
+def _with_way(route: Route, path: Path, on: RouteSite, one_way: bool) -> Route:
     """Complete a route by a way that was found: its cost, extremes, profile and verdict.
 
     The way is one-way if its cells, and those beside them, do not lead back.
@@ -407,7 +466,7 @@ def _with_way(route: Route, path: Path, on: RouteSite) -> Route:
     tightest = find_extreme(terrain, along_it.utilisation, along_it)
     crab = find_extreme(terrain, np.abs(along_it.crab), along_it)
     drift = find_extreme(terrain, np.abs(along_it.drift), along_it)
-    verdict, one_way = worst_verdict(along_it.verdict), not _leads_back(path, on)
+    verdict = worst_verdict(along_it.verdict)
     chance, least_chance = _chances(path, along_it, on)
     strays = drift is not None and drift.value > on.vehicle.max_drift
     if (one_way or strays) and verdict == Verdict.GO:
@@ -497,7 +556,9 @@ def _leads_back(path: Path, on: RouteSite) -> bool:
     bits = heading_bits(drivable(survey, part) & own)
     begin = begin_at(bits, (int(rows[-1]), int(columns[-1])))
     turns = turnable(survey, on.turns, part)
-    return bool(spread(bits, survey.headings, begin, turns=turns)[rows[0], columns[0]])
+    radius = on.vehicle.turning_radius / grid.resolution
+    back = spread(bits, survey.headings, begin, turns=turns, radius=radius)
+    return bool(back[rows[0], columns[0]])
 
 
 def _with_barriers(
@@ -509,20 +570,21 @@ def _with_barriers(
     return replace(route, verdict=verdict, barriers=found, reached=nearest, note=note)
 
 
-def _least_resistance(on: RouteSite, begin: Cell, end: Cell) -> Path:
+def _least_resistance(on: RouteSite, begin: Cell, end: Cell, bends: bool = True) -> Path:
     """The way with the fewest metres that cannot be driven, as seen from above; then the shortest.
 
-    The vehicle backs up only where it can be driven.
+    The vehicle backs up only where it can be driven. Without `bends` one that is car-like turns on
+    the spot, too, where it is barred.
     """
     survey, grid = on.survey, on.survey.grid
     west, south, east, north = on.terrain.bounds
     x, y = grid.columns(grid.whole), grid.rows(grid.whole)
     inside = ((y >= south) & (y <= north))[:, None] & ((x >= west) & (x <= east))
     inside[end] = True  # a goal at the very edge may be in a cell whose centre is beyond it
+    own, radius = turning_arc(survey, on.vehicle), on.vehicle.turning_radius if bends else 0.0
     costs = Costs.of(
         np.zeros(survey.verdict.shape, np.float32), np.zeros(survey.verdict.shape, np.uint8),
-        np.zeros(inside.shape, np.float32), grid.resolution, turning_arc(survey, on.vehicle), 1.0,
-        on.tiles.side,
+        np.zeros(inside.shape, np.float32), grid.resolution, own, 1.0, on.tiles.side, radius,
     )  # fmt: skip
 
     def fill(part: Any) -> None:
@@ -533,7 +595,10 @@ def _least_resistance(on: RouteSite, begin: Cell, end: Cell) -> Path:
         if (able := turnable(survey, on.turns, part)) is not None:
             costs.runs[part] *= np.where(able, 1.0, _BARRIER_WEIGHT)
 
-    return graph_path(_search_tiles(on, costs, fill, begin, end).states, survey)
+    states = _search_tiles(on, costs, fill, begin, end).states
+    if not len(states):  # there is no room at all for its arcs
+        return _least_resistance(on, begin, end, False)
+    return graph_path(states, survey, radius / grid.resolution)
 
 
 def _nearest_marked(

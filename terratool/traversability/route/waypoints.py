@@ -63,13 +63,13 @@ def _csv(name: str, text: str) -> list[tuple[float, float]]:
         if columns is None and "x" in names and "y" in names:
             columns = names.index("x"), names.index("y")
             continue
-        if columns is None and not any(_number(cell) is not None for cell in cells):
+        if columns is None and not any(number_of(cell) is not None for cell in cells):
             raise ReadError(
                 f"{name}:{number}: {quote(line.strip())} has no columns x and y.",
                 "Call two columns x and y, in the coordinates of the terrain.",
             )
         columns = columns or (0, 1)
-        x, y = (_number(cells[i]) if i < len(cells) else None for i in columns)
+        x, y = (number_of(cells[i]) if i < len(cells) else None for i in columns)
         if x is None or y is None:
             raise ReadError(
                 f"{name}:{number}: {quote(line.strip())} holds no two numbers x and y.", _LINE
@@ -86,8 +86,8 @@ def _cells(line: str) -> list[str]:
     return line.split()
 
 
-def _number(value: str | float) -> float | None:
-    """A coordinate; None for no number, NaN, or one beyond `_FAR`."""
+def number_of(value: str | float) -> float | None:
+    """A number of metres; None for no number, NaN, or one beyond `_FAR`."""
     try:
         found = parse_number(value) if isinstance(value, str) else float(value)
     except OverflowError:
@@ -95,15 +95,37 @@ def _number(value: str | float) -> float | None:
     return found if found is not None and abs(found) <= _FAR else None  # nor NaN
 
 
+def parsed_geojson(path: str | Path, hint: str) -> tuple[str, Any]:
+    """The name of a GeoJSON file, and what it holds; `hint` says what it should.
+
+    Raises:
+        ReadError: the file cannot be read, or is no JSON.
+    """
+    source = read_source(path, _MOST_BYTES, "Give a path of fewer points.")
+    try:
+        text = source.data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ReadError(f"{source.name}: is no UTF-8 text.", "Save it as UTF-8 GeoJSON.") from error
+    return source.name, _json(source.name, text, hint)
+
+
+def _json(name: str, text: str, hint: str) -> Any:
+    """The value of a JSON text."""
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        raise ReadError(
+            f"{name}:{error.lineno}: is no JSON ({error.msg.lower()}).", hint
+        ) from error
+    except (ValueError, RecursionError) as error:
+        raise ReadError(f"{name}: is no GeoJSON.", hint) from error
+
+
 def _geojson(name: str, text: str) -> list[tuple[float, float]]:
     """Points of the LineString of a GeoJSON text."""
     try:
-        lines = _lines(json.loads(text))
-    except json.JSONDecodeError as error:
-        raise ReadError(
-            f"{name}:{error.lineno}: is no JSON ({error.msg.lower()}).", "Write GeoJSON, or CSV."
-        ) from error
-    except (ValueError, RecursionError) as error:
+        lines = _lines(_json(name, text, "Write GeoJSON with one LineString, or CSV."))
+    except RecursionError as error:
         raise ReadError(f"{name}: is no GeoJSON.", "Write one LineString, or CSV.") from error
     if len(lines) != 1:
         raise ReadError(
@@ -112,14 +134,23 @@ def _geojson(name: str, text: str) -> list[tuple[float, float]]:
     given = lines[0].get("coordinates")
     if not isinstance(given, list):
         raise ReadError(f"{name}: the LineString has no coordinates.", "Write [[x, y], [x, y]].")
+    return positions_of(f"{name}: the LineString", given)
+
+
+def positions_of(what: str, given: list[Any]) -> list[tuple[float, float]]:
+    """The positions of a GeoJSON line or ring; `what` names file and line.
+
+    Raises:
+        ReadError: a position holds no two numbers.
+    """
     points: list[tuple[float, float]] = []
     for position in given:
         pair = position[:2] if isinstance(position, list) else []
-        x, y = [_number(v) if type(v) in (int, float) else None for v in (*pair, None, None)][:2]
+        x, y = [number_of(v) if type(v) in (int, float) else None for v in (*pair, None, None)][:2]
         if x is None or y is None:
             raise ReadError(
-                f"{name}: position {len(points)} of the LineString, {quote(json.dumps(position))}, "
-                "holds no two numbers x and y.",
+                f"{what} has a position {len(points)}, {quote(json.dumps(position))}, that holds "
+                "no two numbers x and y.",
                 "Write [x, y] for each point.",
             )
         points.append((x, y))
