@@ -164,10 +164,9 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         metavar="N",
         help="4, 8, … 64 at each place.  [default: 8; where they show no way more]",
     ),
-    dask_option("judge the ground"),
 )
 @option_group(
-    "Samples of soils that are ranges (256 unless told), their seed, and threads (one a processor)",
+    "Samples of soils that are ranges (256 unless told), their seed, and who works (all here)",
     click.option(
         "--samples",
         type=click.IntRange(*SAMPLES[1:]),
@@ -194,6 +193,7 @@ SAMPLES = (256, 16, 1024)  # default, least, most
     click.option(
         "--threads", type=click.IntRange(1), metavar="N", help="[default: one a processor]"
     ),
+    dask_option("judge the ground"),
     dense=True,
 )
 @wheel_options
