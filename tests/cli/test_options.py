@@ -15,7 +15,7 @@ from click.testing import CliRunner  # noqa: TID251
 from terratool.cli.command import Command
 from terratool.cli.options import vehicle_from, vehicle_option, wheel_options
 from terratool.errors import DefinitionError, ReadError
-from terratool.traversability.vehicle import Vehicle, Wheel
+from terratool.traversability.vehicle import ROLLING, Vehicle, Wheel
 from tests.commands import SAMPLE, call
 from tests.vehicles import SMALLEST
 
@@ -62,10 +62,18 @@ def test_a_wheel_by_its_figures() -> None:
     [
         (["--grouser-height", 0.02], Wheel(0.2, 0.1, grouser_height=0.02)),
         (["--contact-length", 0.15], Wheel(0.2, 0.1, contact_length=0.15)),
-        (["--tyre-pressure", 70], Wheel(0.2, 0.1, patch_pressure=90e3, tyre=True)),
+        (["--tyre-pressure", 70], Wheel(0.2, 0.1, patch_pressure=90e3, tyre=True, rolling=ROLLING)),
         (
             ["--tyre-pressure", 70, "--grouser-height", 0.2, "--contact-length", 0.4],
-            Wheel(0.2, 0.1, grouser_height=0.2, contact_length=0.4, patch_pressure=90e3, tyre=True),
+            Wheel(
+                0.2,
+                0.1,
+                grouser_height=0.2,
+                contact_length=0.4,
+                patch_pressure=90e3,
+                tyre=True,
+                rolling=ROLLING,
+            ),
         ),
     ],
 )
