@@ -110,7 +110,7 @@ def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[SoilArrays, NDArray[
 
     Unknown soils are NaN; their step is the highest that any friction permits.
     """
-    rows = []
+    rows: list[tuple[float, ...]] = []
     for soil in soils(terrain, vehicle):
         if soil is None:
             rows.append((math.nan, math.nan, 0.0, 0.0, 0.0, 1.0, step_of(vehicle, _ANY).height))
