@@ -86,8 +86,7 @@ def slip_by_statics(vehicle: Vehicle, soil: Soil, slope: float) -> float:
     for axle, load, under in zip(vehicle.axles, loads, soils, strict=True):
         own = vehicle.wheel_of(axle)
         if axle.driven:
-            length = float(wheels.contact(load, under, own).shear_length)
-            driven.append((axle.wheels, own, load, under, length))
+            driven.append((axle.wheels, own, load, under))
         else:
             need += axle.wheels * float(wheels.towed_resistance(load, under, own))
 
@@ -95,21 +94,21 @@ def slip_by_statics(vehicle: Vehicle, soil: Soil, slope: float) -> float:
         return [
             bisected(
                 0.0, 1e3,
-                lambda s: float(wheels.mobilised_share(length, soil.shear_modulus, s)) < share,  # noqa: B023
+                lambda slip: float(wheels.traction(load, under, own, slip).mobilised) < share,  # noqa: B023
             )
-            for *_, length in driven
+            for _, own, load, under in driven
         ]  # fmt: skip
 
     def pull(share: float) -> float:
         found = zip(driven, slips(share), strict=True)
         return sum(
             count * float(wheels.traction(load, under, own, slip).drawbar)
-            for (count, own, load, under, _), slip in found
+            for (count, own, load, under), slip in found
         )
 
     if pull(0.0) >= need:
         return 0.0
-    # before the pull's peak, as far as slips of 1 go
+    # as far as slips of 1 go
     shares = [share for share in np.linspace(0.0, 1.0, 201) if max(slips(share)) <= 1.0]
     enough = next(n for n, share in enumerate(shares) if pull(share) >= need)
     share = bisected(shares[enough - 1], shares[enough], lambda share: pull(share) < need)
