@@ -174,7 +174,7 @@ class TestFootholds:
         assert len(numbers[0]) == len(numbers[1]) + 1 == len(NUMBERS.names) + 1
         wanted = 1.0 - 0.3 / math.tan(math.radians(38))
         assert numbers[0][-1] == pytest.approx(wanted, rel=1e-3)
-        assert further_bands(True, True) == (FOOTHOLD, CHANCE)
+        assert further_bands(walks=True, sampled=True) == (FOOTHOLD, CHANCE)
 
     def test_the_layer_shows_the_margin(self) -> None:
         """The brighter, the more is in reserve; a wall is in the colour of no-go."""
