@@ -1,8 +1,8 @@
 // What Python sees of kernels/traversability.
 #include "../traversability/belts.hpp"
 #include "../traversability/pulling.hpp"
-#include "../traversability/samples.hpp"
 #include "../traversability/turning.hpp"
+#include "../traversability/uneven.hpp"
 #include "bind.hpp"
 #include "modules.hpp"
 
@@ -185,6 +185,7 @@ void bind_traversability(nb::module_ m) {
     visit_enumerators(Plane{}, [&](const char* name, Plane plane) { m.attr(name) = int(plane); });
     m.attr("FULL_LUG") = FULL_LUG, m.attr("REACH") = REACH;
     m.attr("RIM_FRICTION") = RIM_FRICTION, m.attr("GROWTH") = GROWTH;
+    m.attr("MOST_GRIP") = MOST_GRIP;
     m.def(
         "check_records",
         [](nb::handle traction, nb::handle demand) {

@@ -100,6 +100,8 @@ struct Soil {
     double shear_modulus;   // K, m; 0 where it is not known: all strength is mobilised at any slip
     double rolling = 0.0;   // resistance of the ground beside that of sinking in, by a wheel's load
     double exponent = 1.0;  // n: pressure under a plate grows with the power n of its sinkage
+
+    bool operator==(const Soil&) const = default;
 };
 
 // What wheels have done to the ground: so many passes, of which the deepest was `first` deep when

@@ -33,6 +33,8 @@ RIM_FRICTION: float = 0.46
 
 GROWTH: float = 0.305
 
+MOST_GRIP: float = 1.16
+
 def check_records(traction: np.dtype[Any], demand: np.dtype[Any]) -> None:
     """Refuse dtypes that are not the structs of the kernels."""
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from terratool.kernels import traversability as kernels
 from terratool.traversability.limits import wheel_layout
-from terratool.traversability.results import Survey
+from terratool.traversability.map_results import Survey
 from terratool.traversability.vehicle import Soil, Vehicle
 from terratool.traversability.wheel import under_wheels
 

@@ -20,12 +20,13 @@ from terratool.traversability import foot
 from terratool.traversability.judge import Judge
 from terratool.traversability.map import map_bands
 from terratool.traversability.map_files import CHANCE, FOOTHOLD, NUMBERS, further_bands
-from terratool.traversability.results import COLORS, GroundClass, Reason, Verdict
 from terratool.traversability.soil import surface_figures
 from terratool.traversability.stopping import braking
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.track import plate_sinkage
-from terratool.traversability.vehicle import Soil, Vehicle, vehicle_of
+from terratool.traversability.vehicle import Soil, Vehicle
+from terratool.traversability.vehicle_files import vehicle_of
+from terratool.traversability.verdicts import COLORS, GroundClass, Reason, Verdict
 from terratool.viewing.layers import layer_picture
 from tests.traversability.test_belts import EAST, along, bar, crawler, ground, surveyed
 
@@ -182,7 +183,7 @@ class TestFootholds:
         assert len(numbers[0]) == len(numbers[1]) + 1 == len(NUMBERS.names) + 1
         wanted = 1.0 - 0.3 / math.tan(math.radians(38))
         assert numbers[0][-1] == pytest.approx(wanted, rel=1e-3)
-        assert further_bands(True, True) == (FOOTHOLD, CHANCE)
+        assert further_bands(walks=True, sampled=True) == (FOOTHOLD, CHANCE)
 
     def test_the_layer_shows_the_margin(self) -> None:
         """The brighter, the more is in reserve; a wall is in the colour of no-go."""
