@@ -21,9 +21,10 @@ from terratool.traversability.judge import Judge
 from terratool.traversability.map import map_bands
 from terratool.traversability.map_files import CHANCE, FOOTHOLD, NUMBERS, further_bands
 from terratool.traversability.soil import surface_figures
+from terratool.traversability.stopping import braking
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.track import plate_sinkage
-from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle import Soil, Vehicle
 from terratool.traversability.vehicle_files import vehicle_of
 from terratool.traversability.verdicts import COLORS, GroundClass, Reason, Verdict
 from terratool.viewing.layers import layer_picture
@@ -69,6 +70,14 @@ class TestFormulas:
         assert figures.bearing == pytest.approx(bears, abs=0.06)
         assert figures.thrust == pytest.approx(holds, abs=0.06)
         assert figures.reason == Reason.FOOTHOLD and figures.verdict == Verdict.NO_GO
+
+    def test_feet_brake_with_what_holds_them(self) -> None:
+        """tan φ, and c A of the two feet that bear it, until it tips over them: 0.3/0.3 m."""
+        rock, clay = Soil.of(0.0, 35.0, 0.0), Soil.of(5.0, 20.0, 0.0)
+        assert braking(walker(), rock) == pytest.approx(math.tan(math.radians(35.0)))
+        held = 5e3 * foot.disc_area(DISC) / LOAD + math.tan(math.radians(20.0))
+        assert braking(walker(), clay) == pytest.approx(held)
+        assert braking(walker(), Soil.of(0.0, 48.0, 0.0)) == pytest.approx(1.0)
 
     def test_factors_of_vesic(self) -> None:
         """His table: φ 0, 20 and 30 degrees."""
