@@ -53,6 +53,7 @@ def _one(report: TraversabilityReport) -> Iterator[str]:
         line = printable(wording.route_line(route))
         if line not in printable(wording.conclusion(report)):
             yield from wrap(f"{route.verdict.label}: {line}")
+        yield from wrap(wording.along_line(route))
         for number, way in enumerate(route.alternatives, 1):
             yield from wrap(f"alternative {number}: {wording.alternative(way)}")
     if report.reach and (line := wording.reach_line(report.reach)) != wording.conclusion(report):

@@ -155,16 +155,23 @@ def _pictures_of(report: TraversabilityReport) -> Iterator[dict[str, Any]]:
         "of": "best heading",
         "roses": "",
     }
-    if preview.worst is None or np.array_equal(preview.worst, preview.ground):
+    worst = _own_worst(preview)
+    if worst is None:
         return
     path = rose_path(preview)
     yield {
-        **_picture_of(report, replace(preview, ground=preview.worst), summary.worst_counts),
+        **_picture_of(report, replace(preview, ground=worst), summary.worst_counts),
         "caption": f"The verdict of the worst heading at each place. {_ROSES if path else ''}",
         "of": "worst heading",
         "heights": "",
         "roses": path,
     }
+
+
+def _own_worst(preview: Preview) -> NDArray[np.uint8] | None:
+    """Classes by the worst heading; None where they are those by the best."""
+    worst = preview.worst
+    return None if worst is None or np.array_equal(worst, preview.ground) else worst
 
 
 def _picture_of(
@@ -218,6 +225,9 @@ def _caption(report: TraversabilityReport, preview: Preview) -> str:
     caption += f"North is up; a pixel is {numbers.length(preview.grid.resolution)}. "
     crs = f" in {preview.crs}" if preview.crs else ""
     caption += f"Along the sides stand x and y{crs}, m."
+    if _own_worst(preview) is not None and report.summary is not None:
+        barred = numbers.share(fraction_of(report.summary.worst_counts, GroundClass.NO_GO))
+        caption += f" With the worst heading {barred} is no-go, as another map shows."
     if report.keep_out:
         names = join_words([quote(zone.name) for zone in report.keep_out])
         caption += f" Dotted outlines: keep-out {names}."
@@ -227,6 +237,8 @@ def _caption(report: TraversabilityReport, preview: Preview) -> str:
     ):
         caption += " Beside a way lies the strip over which the vehicle drifts downhill if nobody "
         caption += "steers against it between two corners."
+    if any(route.found and route.tightest is not None for route in report.routes):
+        caption += " T is where the margin of a way is least."
     if report.reach is not None and report.summary is not None:
         caption += f" Blue is the rim of what can be reached from {_source(report)}."
     binding = ", ".join(f"{reason} {part}" for reason, part in tables.reasons(report).rows[:5])
@@ -301,6 +313,8 @@ def _pins(report: TraversabilityReport, source: str, preview: Preview) -> list[_
         pins.append(("pin", "S", report.reach.start))
     for number, route in enumerate(report.routes, 1):
         suffix = _suffix(report, number)
+        if route.found and route.tightest is not None:
+            pins.append(("pin tight", f"T{suffix}", route.tightest.place))
         pins += [("pin", f"A{suffix}", route.start), ("pin", f"B{suffix}", route.goal)]
     found = []
     for style, text, place in pins:
