@@ -12,7 +12,8 @@ from terratool.traversability.report import wording
 from terratool.traversability.report.drawing import chart
 from terratool.traversability.report.lines import as_lines
 from terratool.traversability.report.page import as_markdown, as_page
-from terratool.traversability.results import Extreme, Reason, Verdict
+from terratool.traversability.route.results import Extreme
+from terratool.traversability.verdicts import Reason, Verdict
 from tests import reports
 
 WAY = replace(
