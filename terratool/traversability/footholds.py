@@ -13,7 +13,7 @@ from terratool.traversability.footprint import (
     Offsets,
     reach_offsets,
 )
-from terratool.traversability.gear import ROUGH_FOOTHOLD, foot_friction, foot_share
+from terratool.traversability.gear import ROUGH_FOOTHOLD, foot_friction
 from terratool.traversability.limits import (
     wheel_layout,
 )
@@ -27,14 +27,12 @@ class FootholdLimits(NamedTuple):
     Attributes:
         rough: largest distance of ground from the plane under a foot, m.
         grip: (surfaces + 1,) tangent of the slope on which a foot slides; infinity if not known.
-        load: (surfaces + 1,) share of what each bears that a foot loads it with.
         shifts: (n, 2) float32, m east and south, of the pixels under a foot.
         patch: offsets of these pixels.
     """
 
     rough: float
     grip: NDArray[np.float64]
-    load: NDArray[np.float64]
     shifts: NDArray[np.float32]
     patch: Offsets
 
@@ -71,14 +69,13 @@ def foothold_search(terrain: Terrain, vehicle: Vehicle, resolution: float) -> Fo
     """The search for footholds of a vehicle on feet, on ground of a resolution, m."""
     feet, layout = vehicle.feet, wheel_layout(vehicle)
     assert feet is not None
-    grip, load = [math.inf], [0.0]
-    known = soils(terrain, vehicle)
-    for soil, surface in zip(known[1:], terrain.surface_types.values(), strict=True):
-        grip.append(math.inf if soil is None else foot_friction(vehicle, soil))
-        load.append(0.0 if soil is None else foot_share(vehicle, surface, soil))
+    grip = [
+        math.inf if soil is None else foot_friction(vehicle, soil)
+        for soil in soils(terrain, vehicle)
+    ]
     patch = reach_offsets(max(0.5 * feet.diameter, resolution), resolution)
     limits = FootholdLimits(
-        ROUGH_FOOTHOLD * feet.diameter, np.array(grip), np.array(load),
+        ROUGH_FOOTHOLD * feet.diameter, np.array(grip),
         np.asarray(patch[:, ::-1] * resolution, np.float32), patch,
     )  # fmt: skip
     x, y = layout.x - layout.x.mean(), layout.y

@@ -106,7 +106,7 @@ def _surfaces(report: TraversabilityReport) -> Iterator[Sequence[str]]:
             continue
         yield (
             truncate(title(figures), _NAME),
-            numbers.length(figures.sinkage),
+            numbers.length(figures.sinkage if figures.borne_at is None else figures.borne_at),
             wording.climb(figures),
             numbers.degrees(figures.cross_slope),
             numbers.length(figures.step),

@@ -117,7 +117,10 @@ def contact(report: TraversabilityReport) -> Table:
         (Column("resistance, N"), lambda f: numbers.number(f.resistance)),
         (Column("drawbar pull, N"), lambda f: numbers.number(f.drawbar)),
         *(
-            ((Column("bears, N"), lambda f: numbers.number(f.bearing)),)
+            (
+                (Column("bears, N"), lambda f: numbers.number(f.bearing)),
+                (Column("stands, mm deep"), lambda f: _scaled_text(f.borne_at, 1e3)),
+            )
             if report.vehicle.feet
             else ()
         ),
