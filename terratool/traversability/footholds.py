@@ -20,6 +20,9 @@ from terratool.traversability.limits import (
 from terratool.traversability.soil import soils
 from terratool.traversability.vehicle import Vehicle
 
+_SOONER = 1.0 - 1e-5
+"""Factor on shares of depths, so that sinkage binds on the level, and not the foothold."""
+
 
 class FootholdLimits(NamedTuple):
     """Limits of a foothold, as in kernels/traversability/belts.hpp.
@@ -27,12 +30,14 @@ class FootholdLimits(NamedTuple):
     Attributes:
         rough: largest distance of ground from the plane under a foot, m.
         grip: (surfaces + 1,) tangent of the slope on which a foot slides; infinity if not known.
+        depth: (surfaces + 1,) share of a step that a foot stands deep in each.
         shifts: (n, 2) float32, m east and south, of the pixels under a foot.
         patch: offsets of these pixels.
     """
 
     rough: float
     grip: NDArray[np.float64]
+    depth: NDArray[np.float64]
     shifts: NDArray[np.float32]
     patch: Offsets
 
@@ -69,13 +74,14 @@ def foothold_search(terrain: Terrain, vehicle: Vehicle, resolution: float) -> Fo
     """The search for footholds of a vehicle on feet, on ground of a resolution, m."""
     feet, layout = vehicle.feet, wheel_layout(vehicle)
     assert feet is not None
-    grip = [
-        math.inf if soil is None else foot_friction(vehicle, soil)
-        for soil in soils(terrain, vehicle)
-    ]
+    grip, depth = [], []
+    for soil in soils(terrain, vehicle):
+        grip.append(math.inf if soil is None else foot_friction(vehicle, soil))
+        deep = 0.0 if soil is None else soil.sinkage * vehicle.weight / vehicle.wheels
+        depth.append(_SOONER * deep / feet.step_height)
     patch = reach_offsets(max(0.5 * feet.diameter, resolution), resolution)
     limits = FootholdLimits(
-        ROUGH_FOOTHOLD * feet.diameter, np.array(grip),
+        ROUGH_FOOTHOLD * feet.diameter, np.array(grip), np.array(depth),
         np.asarray(patch[:, ::-1] * resolution, np.float32), patch,
     )  # fmt: skip
     x, y = layout.x - layout.x.mean(), layout.y

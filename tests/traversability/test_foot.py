@@ -183,6 +183,9 @@ class TestFootholds:
         assert found.verdict[EAST, row, column] == verdict
         if verdict == Verdict.NO_GO:
             assert found.reason[EAST, row, column] == Reason.SINKAGE
+        # the layer has the depth as a share of a step
+        shares = footholds(terrain, vehicle)
+        assert shares[row, column] == pytest.approx((depth or 0.0) / lift, rel=1e-3)
 
     def test_an_edge_is_no_foothold(self) -> None:
         """A wall at x = 4: only the pixels whose patch it crosses."""
