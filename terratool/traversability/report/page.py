@@ -180,8 +180,9 @@ def _picture_of(
     west, south, east, north = preview.grid.bounds
     width, height = east - west, north - south
     drawn = [(way, " thin") for route in report.routes for way in route.alternatives]
-    drawn += [(route, "" if route.found else " dashed") for route in report.routes]
+    # where a way back is that there, the latter is seen
     drawn += [(route.back, " dashed") for route in report.routes if route.back is not None]
+    drawn += [(route, "" if route.found else " dashed") for route in report.routes]
     ways = [(_points(route, preview), style) for route, style in drawn]
     scale = ticks(0.0, width, 4)[1]
     parts = {ground: fraction_of(counts, ground) for ground in wording.GROUNDS}
@@ -225,13 +226,17 @@ def _caption(report: TraversabilityReport, preview: Preview) -> str:
         caption += f" With the worst heading {barred} is no-go, as another map shows."
     if report.keep_out:
         names = join_words([quote(zone.name) for zone in report.keep_out])
-        caption += f" Dotted outlines: keep-out {names}."
+        caption += f" White dashed outlines: keep-out {names}."
     if any(
         route.profile is not None and any(True for _ in corridor(route.profile))
         for route in report.routes
     ):
         caption += " Beside a way lies the strip over which the vehicle drifts downhill if nobody "
         caption += "steers against it between two corners."
+    if any(route.alternatives for route in report.routes):
+        caption += " Thin lines with numbers are alternatives."
+    if any(route.back is not None for route in report.routes):
+        caption += " Ways back are dashed."
     if any(route.found and route.tightest is not None for route in report.routes):
         caption += " T is where the margin of a way is least."
     if report.reach is not None and report.summary is not None:
@@ -308,6 +313,8 @@ def _pins(report: TraversabilityReport, source: str, preview: Preview) -> list[_
         pins.append(("pin", "S", report.reach.start))
     for number, route in enumerate(report.routes, 1):
         suffix = _suffix(report, number)
+        for which, way in enumerate(route.alternatives, 1):
+            pins.append(("pin other", f"{suffix}{'.' * bool(suffix)}{which}", _halfway(way)))
         if route.found and route.tightest is not None:
             pins.append(("pin tight", f"T{suffix}", route.tightest.place))
         pins += [("pin", f"A{suffix}", route.start), ("pin", f"B{suffix}", route.goal)]
@@ -317,6 +324,15 @@ def _pins(report: TraversabilityReport, source: str, preview: Preview) -> list[_
         if 0.0 <= right <= 1.0 and 0.0 <= down <= 1.0:
             found.append(_Pin(style, text, 100.0 * right, 100.0 * down))
     return found
+
+
+def _halfway(route: Route) -> Location:
+    """Place in the middle of a way; its start where it has no profile."""
+    profile = route.profile
+    if profile is None or not len(profile.distance):
+        return route.start
+    middle = int(np.searchsorted(profile.distance, 0.5 * profile.distance[-1]))
+    return replace(route.start, x=float(profile.x[middle]), y=float(profile.y[middle]))
 
 
 def _source(report: TraversabilityReport) -> str:
