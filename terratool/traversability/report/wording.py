@@ -361,11 +361,11 @@ def return_line(route: Route) -> str:
     """Sentence on driving the way back; empty where it can be, and was not asked for."""
     line = ""
     if route.one_way:
-        line = "It is one-way: it cannot be driven back the same way"
+        line = "It is one-way: it cannot be driven back the same way."
         if route.against:
             bar = route.against[0]
-            line += f", by {because(bar.reason)} at {coordinates(bar.place)}"
-        line += "."
+            line = f"It is one-way: {because(bar.reason)} at {coordinates(bar.place)} bars the same "
+            line += "way back."
     if route.back is None:
         return line
     if not route.back.found:
