@@ -37,6 +37,13 @@ from terratool.traversability.route.barriers import (
     barriers,
     blockage_at,
 )
+from terratool.traversability.route.bends import (
+    bent_path,
+    corners_of,
+    pulled_corners,
+    reversed_corners,
+    rounded,
+)
 from terratool.traversability.route.drifting import drift_total
 from terratool.traversability.route.graph import (
     ALLOWED,
@@ -247,15 +254,15 @@ class RouteSearch:
         return self.found is not None and len(self.found.states) > 0 and self.stands[1]
 
     def _way(self, route: Route) -> Route:
-        """Complete a route by the way that was found, pulled straight unless it has arcs.
+        """Complete a route by the way that was found, pulled straight.
 
         It is one-way only if the chain of moves is, too.
         """
         assert self.found is not None and self.costs is not None
         survey, radius = self.on.survey, self.on.vehicle.turning_radius
-        chain = graph_path(self.found.states, survey, radius / survey.grid.resolution)
-        if radius:
-            return _with_way(route, chain, self.on, not _leads_back(chain, self.on))
+        chain = _chain(self.found.states, survey, radius / survey.grid.resolution)
+        if radius and len(self.found.states) > 1:
+            return self._bent_way(route, chain)
         for both in (False, True):
             corners = pulled(self.costs, self.found, both, self.near)
             path = pulled_path(corners, survey) if len(corners) > 1 else chain
@@ -267,6 +274,23 @@ class RouteSearch:
             if not found.strays:
                 return found
         return _with_way(route, chain, self.on, not _leads_back(chain, self.on))
+
+    def _bent_way(self, route: Route, chain: Path) -> Route:
+        """Complete a route of a vehicle that bends, as `_way` does."""
+        assert self.found is not None and self.costs is not None
+        survey = self.on.survey
+        radius = self.on.vehicle.turning_radius / survey.grid.resolution
+        leads_back = _leads_back(chain, self.on)
+        for both in (False, True):
+            corners = pulled_corners(self.costs, self.found, radius, both, self.near)
+            back = bent_path(reversed_corners(corners), survey)
+            one_way = not np.all(back.values_of(drivable(survey)))
+            if one_way and leads_back:
+                continue
+            found = _with_way(route, bent_path(corners, survey), self.on, one_way)
+            if not found.strays:
+                return found
+        return _with_way(route, chain, self.on, not leads_back)
 
     def route(self) -> Route:
         """The route with its way, or with barriers, which take a second search."""
@@ -598,7 +622,14 @@ def _least_resistance(on: RouteSite, begin: Cell, end: Cell, bends: bool = True)
     states = _search_tiles(on, costs, fill, begin, end).states
     if not len(states):  # there is no room at all for its arcs
         return _least_resistance(on, begin, end, False)
-    return graph_path(states, survey, radius / grid.resolution)
+    return _chain(states, survey, radius / grid.resolution)
+
+
+def _chain(states: NDArray[np.int64], survey: Survey, radius: float) -> Path:
+    """The samples of states that the search found; `radius`, in sides of a cell, as there."""
+    if not radius or len(states) < 2:
+        return graph_path(states, survey)
+    return bent_path(corners_of(states, survey.headings, radius), survey)
 
 
 def _nearest_marked(
