@@ -21,9 +21,11 @@ from terratool.definition.reader import check
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, grid_over
 from terratool.text.source import Source
-from terratool.traversability.assess import Request, assess, prepare_assessment
+from terratool.traversability.assess import assess
 from terratool.traversability.map import MapBuilder, default_resolution, stream_map
-from terratool.traversability.results import Reason, Survey, Verdict
+from terratool.traversability.map_results import Survey
+from terratool.traversability.preparing import prepare_assessment
+from terratool.traversability.request import Request
 from terratool.traversability.route.graph import (
     Costs,
     SearchResult,
@@ -40,6 +42,7 @@ from terratool.traversability.route.routes import MOST_STATES, plan_route, route
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import survey as survey_all
 from terratool.traversability.vehicle import Axle, Margins, Thresholds, Vehicle, Wheel
+from terratool.traversability.verdicts import Reason, Verdict
 
 ROVER = Vehicle(Wheel(0.1, 0.06), (Axle(0.3), Axle(-0.3)), 20.0, track_width=0.5)
 HEADINGS = 8

@@ -14,8 +14,11 @@ from terratool.field.terrain import Terrain
 from terratool.raster.export import RasterRequest, export_dem
 from terratool.raster.grid import grid_over
 from terratool.text.source import Source
-from terratool.traversability.assess import Request, assess, prepare_assessment
-from terratool.traversability.vehicle import Axle, Vehicle, Wheel, load_vehicle
+from terratool.traversability.assess import assess
+from terratool.traversability.preparing import prepare_assessment
+from terratool.traversability.request import Request
+from terratool.traversability.vehicle import Axle, Vehicle, Wheel
+from terratool.traversability.vehicle_files import load_vehicle
 
 VEHICLE = Vehicle(
     Wheel(0.2, 0.15, 40.0),

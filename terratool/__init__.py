@@ -28,7 +28,7 @@ _HOMES = {
     "map_scans": "terratool.api.mapping:map_scans_of",
     "curriculum": "terratool.api.training:curriculum_of",
     "Vehicle": "terratool.traversability.vehicle:Vehicle",
-    "load_vehicle": "terratool.traversability.vehicle:load_vehicle",
+    "load_vehicle": "terratool.traversability.vehicle_files:load_vehicle",
     "Sensor": "terratool.sensing.sensor:Sensor",
     "load_sensor": "terratool.sensing.sensor:load_sensor",
     "TerratoolError": "terratool.errors:TerratoolError",

@@ -44,11 +44,11 @@ from terratool.sensing.robot_map import RobotMap
 from terratool.sensing.sensor import Sensor as Sensor
 from terratool.sensing.sensor import load_sensor as load_sensor
 from terratool.simulators.export import SimulatorReport
-from terratool.traversability.assess import Point
+from terratool.traversability.request import Point
 from terratool.traversability.route.graph import Preference
 from terratool.traversability.ruts import Deformed
 from terratool.traversability.vehicle import Vehicle as Vehicle
-from terratool.traversability.vehicle import load_vehicle as load_vehicle
+from terratool.traversability.vehicle_files import load_vehicle as load_vehicle
 from terratool.viewing.options import Contours, Line, RenderReport
 from terratool.viewing.terrain_page import TerrainPage
 

@@ -9,25 +9,20 @@ from typing import Any
 import numpy as np
 
 from terratool.raster.grid import Grid
-from terratool.traversability.results import (
+from terratool.traversability.figures import Figures, LoadSpan, SlipCurve
+from terratool.traversability.map_results import MapSummary, Preview
+from terratool.traversability.results import TraversabilityReport
+from terratool.traversability.route.results import (
     Barrier,
     ChargeUse,
     Extreme,
-    Figures,
-    GroundClass,
-    LoadSpan,
     Location,
-    MapSummary,
-    Preview,
     Reach,
-    Reason,
     Route,
     RouteProfile,
-    SlipCurve,
-    TraversabilityReport,
-    Verdict,
 )
 from terratool.traversability.vehicle import Axle, Battery, Load, Overhang, Vehicle, Wheel
+from terratool.traversability.verdicts import GroundClass, Reason, Verdict
 
 NASTY = '<b>"& | `x` *y* _z_ [a](b) \\'
 LONG = "a very long name of a surface, which no table for a terminal could ever show " * 2

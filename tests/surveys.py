@@ -11,10 +11,12 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid
 from terratool.traversability.limits import wheel_layout
-from terratool.traversability.results import Reason, Survey, Verdict
+from terratool.traversability.map_results import Survey
+from terratool.traversability.parameters import vehicle_params
 from terratool.traversability.route.graph import ALLOWED, BACKING, Costs
-from terratool.traversability.survey import Stance, Verdicts, vehicle_params
+from terratool.traversability.survey import Stance, Verdicts
 from terratool.traversability.vehicle import Axle, Overhang, Vehicle, Wheel
+from terratool.traversability.verdicts import Reason, Verdict
 from tests.conftest import terrain_of
 
 ROVER = Vehicle(

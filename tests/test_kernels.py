@@ -24,7 +24,7 @@ from terratool.field.bounds import nonzero_edges
 from terratool.field.records import SAMPLES
 from terratool.mesh.plan import plan_of
 from terratool.mesh.types import COVERING_ELEMENT, Regions, Triangulation
-from terratool.traversability.survey import SoilSamples, soil_table, vehicle_params
+from terratool.traversability.parameters import SoilSamples, soil_table, vehicle_params
 from tests.conftest import terrain_of
 from tests.programs import program
 from tests.surveys import ROVER, level_costs
@@ -71,7 +71,7 @@ def known(kind: str) -> Any:
         soils = soil_table(TERRAIN, ROVER)
         return kernels.traversability.VehicleOnSoils(vehicle_params(ROVER), *soils)
     if kind == "VehicleOnSamples":
-        samples = SoilSamples(*np.ones((6, 70, len(TERRAIN.surfaces) + 1)))
+        samples = SoilSamples(*np.ones((len(SoilSamples._fields), 70, len(TERRAIN.surfaces) + 1)))
         return kernels.traversability.VehicleOnSamples(vehicle_params(ROVER), samples)
     plan, _ = plan_of(TERRAIN, 0.1)
     if kind == "Plan":

@@ -59,7 +59,7 @@ template <class Visit> void visit_arguments(Layout& l, Visit visit) {
     visit("tracks", l.tracks);
 }
 
-// A vehicle in SI units, its margins taken off; terratool/traversability/survey.py.
+// A vehicle in SI units, its margins taken off; terratool/traversability/parameters.py.
 struct Vehicle {
     Layout layout;
     In fit_along, fit_across;

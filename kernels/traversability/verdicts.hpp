@@ -1,4 +1,4 @@
-// Go, caution or no-go, and why; terratool/traversability/results.py says what they mean.
+// Go, caution or no-go, and why; terratool/traversability/verdicts.py says what they mean.
 #pragma once
 
 #include <tuple>

@@ -54,8 +54,8 @@ from terratool.simulators.options import SceneOptions
 from terratool.simulators.options import refuse_idle as refuse_idle_targets
 from terratool.simulators.targets import choose_targets
 from terratool.text.source import Source, refuse_name
-from terratool.traversability.assess import Request
 from terratool.traversability.compare import names_of, prepare
+from terratool.traversability.request import Request
 from terratool.traversability.route.waypoints import read_waypoints
 from terratool.traversability.ruts import (
     Deformed,
@@ -66,7 +66,8 @@ from terratool.traversability.ruts import (
     with_tracks,
     write_deformed,
 )
-from terratool.traversability.vehicle import Vehicle, load_vehicle
+from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle_files import load_vehicle
 from terratool.viewing.diff.compare import DiffOptions, diff
 from terratool.viewing.diff.sides import DiffSide
 from terratool.viewing.diff.writing import GroundFiles

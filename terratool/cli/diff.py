@@ -268,7 +268,7 @@ def command(
 
 def _options(values: dict[str, Any]) -> DiffOptions:
     from terratool.traversability.compare import names_of
-    from terratool.traversability.vehicle import load_vehicle
+    from terratool.traversability.vehicle_files import load_vehicle
     from terratool.viewing.diff.compare import DiffOptions
 
     names_of(values["vehicles"])  # refuses a vehicle given twice

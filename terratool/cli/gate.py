@@ -26,12 +26,12 @@ from terratool.report.numbers import NOTHING
 from terratool.report.tables import align
 from terratool.text.display import printable
 from terratool.text.source import is_folder
-from terratool.traversability.report.document import Fractions
 from terratool.traversability.report.keys import VerdictText
+from terratool.traversability.report.map_keys import Fractions
 
 if TYPE_CHECKING:
-    from terratool.traversability.assess import Request
     from terratool.traversability.gate import FileJob, FileVerdict, VehicleRow
+    from terratool.traversability.request import Request
     from terratool.traversability.vehicle import Vehicle
 
 _OTHERS = ("vehicle", "sensor", "library", "curriculum")

@@ -446,7 +446,7 @@ def vehicle_from(values: dict[str, Any]) -> Vehicle:
                 "its file. Give a vehicle or a wheel, not both."
             )
         from terratool.errors import ReadError
-        from terratool.traversability.vehicle import load_vehicle
+        from terratool.traversability.vehicle_files import load_vehicle
 
         try:
             return load_vehicle(path)
@@ -477,7 +477,8 @@ def vehicle_from(values: dict[str, Any]) -> Vehicle:
             )
 
     from terratool.definition.vehicle import WheelsText
-    from terratool.traversability.vehicle import Vehicle, wheel_of
+    from terratool.traversability.vehicle import Vehicle
+    from terratool.traversability.vehicle_files import wheel_of
 
     figures = {key: wheel[name] for name, key in _FIGURES.items() if name in wheel}
     return Vehicle.single(wheel_of(WheelsText(**figures)), wheel["load"])

@@ -22,9 +22,17 @@ from terratool.definition import schema_writing
 from terratool.field.library_summary import LibrarySummary
 from terratool.field.summary import TerrainSummary
 from terratool.report.documents import Document
-from terratool.traversability import results, vehicle
-from terratool.traversability.report import document
+from terratool.traversability import figures, map_results, results, vehicle
+from terratool.traversability.report import (
+    comparison_keys,
+    document,
+    map_keys,
+    route_keys,
+    surface_keys,
+    vehicle_keys,
+)
 from terratool.traversability.report.keys import sources_of
+from terratool.traversability.route import results as ways
 from terratool.viewing.diff.results import DiffDocument
 
 OUTPUTS: dict[str, tuple[type[Document], str]] = {
@@ -38,43 +46,43 @@ OUTPUTS: dict[str, tuple[type[Document], str]] = {
 """Record and title of each schema."""
 
 _MADE_OF: dict[type, type] = {
-    document.PlaceKeys: results.Location,
-    document.WheelKeys: vehicle.Wheel,
-    document.AxleKeys: vehicle.Axle,
-    document.TracksKeys: vehicle.Tracks,
-    document.FeetKeys: vehicle.Feet,
-    document.OverhangKeys: vehicle.Overhang,
-    document.MarginKeys: vehicle.Margins,
-    document.ThresholdKeys: vehicle.Thresholds,
-    document.LoadKeys: vehicle.Load,
-    document.BatteryKeys: vehicle.Battery,
-    document.VehicleKeys: vehicle.Vehicle,
-    document.SlipCurveKeys: results.SlipCurve,
-    document.DriftCurveKeys: results.DriftCurve,
-    document.ChanceKeys: results.Chances,
-    document.LoadSpanKeys: results.LoadSpan,
-    document.SurfaceKeys: results.Figures,
-    document.BarrierKeys: results.Barrier,
-    document.SteepestKeys: results.Extreme,
-    document.SoftestKeys: results.Extreme,
-    document.TightestKeys: results.Extreme,
-    document.LeastChanceKeys: results.Extreme,
-    document.DriftKeys: results.Extreme,
-    document.CrabKeys: results.Extreme,
-    document.StopKeys: results.Extreme,
-    document.SlowestKeys: results.Extreme,
-    document.EmptiedKeys: results.Extreme,
-    document.ChargeKeys: results.ChargeUse,
-    document.ProfileKeys: results.RouteProfile,
-    document.RouteKeys: results.Route,
-    document.ReachKeys: results.Reach,
-    document.LargestPartKeys: results.LargestPart,
-    document.MapKeys: results.MapSummary,
+    route_keys.PlaceKeys: ways.Location,
+    vehicle_keys.WheelKeys: vehicle.Wheel,
+    vehicle_keys.AxleKeys: vehicle.Axle,
+    vehicle_keys.TracksKeys: vehicle.Tracks,
+    vehicle_keys.FeetKeys: vehicle.Feet,
+    vehicle_keys.OverhangKeys: vehicle.Overhang,
+    vehicle_keys.MarginKeys: vehicle.Margins,
+    vehicle_keys.ThresholdKeys: vehicle.Thresholds,
+    vehicle_keys.LoadKeys: vehicle.Load,
+    vehicle_keys.BatteryKeys: vehicle.Battery,
+    vehicle_keys.VehicleKeys: vehicle.Vehicle,
+    surface_keys.SlipCurveKeys: figures.SlipCurve,
+    surface_keys.DriftCurveKeys: figures.DriftCurve,
+    surface_keys.ChanceKeys: figures.Chances,
+    surface_keys.LoadSpanKeys: figures.LoadSpan,
+    surface_keys.SurfaceKeys: figures.Figures,
+    route_keys.BarrierKeys: ways.Barrier,
+    route_keys.SteepestKeys: ways.Extreme,
+    route_keys.SoftestKeys: ways.Extreme,
+    route_keys.TightestKeys: ways.Extreme,
+    route_keys.LeastChanceKeys: ways.Extreme,
+    route_keys.DriftKeys: ways.Extreme,
+    route_keys.CrabKeys: ways.Extreme,
+    route_keys.StopKeys: ways.Extreme,
+    route_keys.SlowestKeys: ways.Extreme,
+    route_keys.EmptiedKeys: ways.Extreme,
+    route_keys.ChargeKeys: ways.ChargeUse,
+    route_keys.ProfileKeys: ways.RouteProfile,
+    route_keys.RouteKeys: ways.Route,
+    route_keys.ReachKeys: ways.Reach,
+    map_keys.LargestPartKeys: map_results.LargestPart,
+    map_keys.MapKeys: map_results.MapSummary,
     document.SamplingKeys: results.Sampling,
     document.ReportKeys: results.TraversabilityReport,
-    document.SurfaceVerdict: document.SurfaceKeys,
-    document.RouteVerdict: document.RouteKeys,
-    document.MapShares: document.MapKeys,
+    comparison_keys.SurfaceVerdict: surface_keys.SurfaceKeys,
+    comparison_keys.RouteVerdict: route_keys.RouteKeys,
+    comparison_keys.MapShares: map_keys.MapKeys,
     document.ComparisonKeys: results.VehicleComparison,
 }
 """Class of the results that a record is made of, or record that it is an extract of."""

@@ -29,10 +29,11 @@ if TYPE_CHECKING:
 
     from terratool.cli.config import Config, DriveSettings
     from terratool.definition.findings import Bounds
-    from terratool.traversability.assess import PreparedRequest, Request
     from terratool.traversability.compare import PreparedComparison
     from terratool.traversability.conditions import Condition
+    from terratool.traversability.preparing import PreparedRequest
     from terratool.traversability.report.writing import JudgementFiles
+    from terratool.traversability.request import Request
     from terratool.traversability.results import Reports
     from terratool.traversability.vehicle import Vehicle
 
@@ -243,11 +244,11 @@ def command(
 
     from terratool.cli.config import DriveSettings, project_settings
     from terratool.text.source import is_folder, refuse_absent
-    from terratool.traversability.assess import Request, check_places
     from terratool.traversability.compare import prepare
     from terratool.traversability.conditions import answerable, parse
     from terratool.traversability.report.formats import renderer_of
     from terratool.traversability.report.writing import JudgementFiles
+    from terratool.traversability.request import Request, check_places
     from terratool.traversability.route.waypoints import read_waypoints
     from terratool.traversability.route.zones import read_keep_out
     from terratool.traversability.soil import on_the_safe_side
@@ -351,7 +352,7 @@ def _judge_many(
 
 def _assess(planned: PreparedComparison, name: str, files: JudgementFiles) -> Reports:
     """Report on each vehicle; first print what its starts and goals show at once."""
-    from terratool.traversability.assess import first_look
+    from terratool.traversability.blocked import first_look
     from terratool.traversability.report.writing import assess_all
 
     pixels, several = planned.requests[0].pixels, len(planned.requests) > 1

@@ -1,7 +1,7 @@
 """Vehicles as they are written: frozen typed values, absent keys `UNSET`.
 
-The classes mirror the text key by key, in its units. `terratool.traversability.vehicle` builds the
-vehicles that are computed with.
+The classes mirror the text key by key, in its units. The vehicles that are computed with are made
+of them by `terratool.traversability.vehicle_files`.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from terratool.simulators.cells import cell_grid
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import WrittenFiles
 from terratool.tasks import Work
-from terratool.traversability.results import GroundClass
+from terratool.traversability.verdicts import GroundClass
 
 MOST = 1024
 """Most cells on the longer side, if no resolution is given."""

@@ -21,7 +21,7 @@ from terratool.report.numbers import metres, never_quite
 from terratool.simulators.obstacles import FREE, OCCUPIED, UNKNOWN, DrivingLimits, occupancy
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import WrittenFiles
-from terratool.traversability.results import GroundClass
+from terratool.traversability.verdicts import GroundClass
 
 BRIGHTNESS = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
 """Brightness of pixels by occupancy, as map_saver writes them."""

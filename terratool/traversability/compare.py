@@ -11,16 +11,17 @@ from typing import NamedTuple
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.output import is_same_file
-from terratool.traversability.assess import (
+from terratool.traversability.fineness import finest_resolution, parts_of
+from terratool.traversability.map_files import further_bands, refuse_full_disk_of_maps
+from terratool.traversability.preparing import (
     PreparedRequest,
-    Request,
     chosen_resolution,
     prepare_assessment,
 )
-from terratool.traversability.map_files import further_bands, refuse_full_disk_of_maps
+from terratool.traversability.request import Request
 from terratool.traversability.route.routes import narrow_note
-from terratool.traversability.survey import finest_resolution, parts_of
-from terratool.traversability.vehicle import Vehicle, name_of
+from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle_files import name_of
 
 _ONE_GRID = "one grid for all vehicles"
 

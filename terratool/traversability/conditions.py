@@ -13,13 +13,9 @@ from terratool.errors import RequestError
 from terratool.text.display import quote
 from terratool.text.meaning import spelled_like
 from terratool.traversability.report.wording import coordinates, ends
-from terratool.traversability.results import (
-    Extreme,
-    GroundClass,
-    Route,
-    TraversabilityReport,
-    Verdict,
-)
+from terratool.traversability.results import TraversabilityReport
+from terratool.traversability.route.results import Extreme, Route
+from terratool.traversability.verdicts import GroundClass, Verdict
 
 _Found = tuple[float | None, str]
 """A value of a figure, None if unknown or meaningless, and words on where it is."""

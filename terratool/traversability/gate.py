@@ -23,12 +23,15 @@ from terratool.processes import python_calling
 from terratool.report.numbers import coordinates
 from terratool.text.locate import Address, offsets, positions_of
 from terratool.text.source import Source, read_source
-from terratool.traversability.assess import BlockedEnd, Request, assess, blocked_ends
+from terratool.traversability.assess import assess
+from terratool.traversability.blocked import BlockedEnd, blocked_ends
 from terratool.traversability.compare import prepare
 from terratool.traversability.conditions import parse
 from terratool.traversability.gate_rules import GATES
 from terratool.traversability.report.wording import conclusion, route_line
-from terratool.traversability.results import Route, TraversabilityReport
+from terratool.traversability.request import Request
+from terratool.traversability.results import TraversabilityReport
+from terratool.traversability.route.results import Route
 from terratool.traversability.vehicle import Vehicle
 
 _NAMES = {rule.code: rule.name for rule in GATES}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from terratool.errors import RequestError
 from terratool.field.relief import FALLEN
 from terratool.raster.grid import Grid, Window
-from terratool.traversability.stance import HeadingFootprint
+from terratool.traversability.footprint import HeadingFootprint
 from terratool.traversability.vehicle import Vehicle
 
 _BLOCK = 32.0 / 35.0 / FALLEN

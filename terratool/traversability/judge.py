@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
 from terratool.text.files import open_file
-from terratool.traversability.results import GroundClass
-from terratool.traversability.vehicle import Vehicle, load_vehicle
+from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle_files import load_vehicle
+from terratool.traversability.verdicts import GroundClass
 
 if TYPE_CHECKING:
     from terratool.cluster import Crew

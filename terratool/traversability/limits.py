@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from terratool.definition.model import DEFAULT_MULTIPASS
 from terratool.errors import RequestError
 from terratool.kernels import traversability as kernels
-from terratool.traversability.results import Reason, Verdict
 from terratool.traversability.vehicle import Soil, Vehicle, Wheel
+from terratool.traversability.verdicts import Reason, Verdict
 from terratool.traversability.wheel import under_wheels
 
 

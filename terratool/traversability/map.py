@@ -20,17 +20,9 @@ from terratool.kernels import traversability as kernels
 from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, window_name
 from terratool.raster.painter import id_type
 from terratool.tasks import Work
+from terratool.traversability.fineness import coarsest_resolution
 from terratool.traversability.map_files import MapBands, MapFiles, empty_bands, further_bands
-from terratool.traversability.results import (
-    CHANCE_BOUNDS,
-    RANKS,
-    GroundClass,
-    LargestPart,
-    MapSummary,
-    Preview,
-    Reason,
-    Verdict,
-)
+from terratool.traversability.map_results import CHANCE_BOUNDS, LargestPart, MapSummary, Preview
 from terratool.traversability.route.reach import (
     Bits,
     Connected,
@@ -43,10 +35,11 @@ from terratool.traversability.route.reach import (
     heading_bits,
     place_in,
 )
-from terratool.traversability.survey import Surveyor, WindowMeasures, coarsest_resolution
+from terratool.traversability.survey import Surveyor, WindowMeasures
 from terratool.traversability.tiles import part_of
 from terratool.traversability.turning import Turning
 from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.verdicts import RANKS, GroundClass, Reason, Verdict
 
 MOST = 10.0
 """Largest share of a limit that is written; larger ones are written as this."""

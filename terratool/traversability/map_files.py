@@ -23,9 +23,10 @@ from terratool.raster.formats import raster_format
 from terratool.raster.geotiff import RasterExtent, crs_of, terrain_tiff
 from terratool.raster.grid import Grid, Window
 from terratool.raster.statistics import band_statistics
-from terratool.traversability.results import COLORS, HEADINGS, GroundClass, Reason, Verdict
+from terratool.traversability.map_results import HEADINGS
 from terratool.traversability.route.reach import bits_type
 from terratool.traversability.tiles import part_of
+from terratool.traversability.verdicts import COLORS, GroundClass, Reason, Verdict
 
 CLASS = "class"
 DRIVABLE = "headings that are go or caution, bit by bit"

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from terratool.definition.model import Pair, Range, Surface, ranges_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
+from terratool.traversability.figures import Chances
 from terratool.traversability.gear import foot_share
 from terratool.traversability.limits import climb, judge_level, level_demand, slip_limit, tip_over
-from terratool.traversability.results import Chances, Verdict
+from terratool.traversability.parameters import SoilSamples, soil_table
 from terratool.traversability.soil import (
     largest_slope,
     slope_margin,
@@ -23,8 +24,8 @@ from terratool.traversability.soil import (
     step_friction,
 )
 from terratool.traversability.steps import step_of
-from terratool.traversability.survey import SoilSamples, soil_table
 from terratool.traversability.vehicle import Soil, Vehicle
+from terratool.traversability.verdicts import Verdict
 from terratool.traversability.wheel import under_wheels
 
 SAMPLES = 256

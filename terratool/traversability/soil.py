@@ -16,6 +16,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.text.display import quote
 from terratool.traversability import wheel as wheels
+from terratool.traversability.figures import DriftCurve, Figures, LoadSpan, SlipCurve
 from terratool.traversability.gear import (
     GEAR_ASSUMPTIONS,
     flat_sinkage,
@@ -38,15 +39,6 @@ from terratool.traversability.limits import (
     wheel_layout,
     wheel_loads,
 )
-from terratool.traversability.results import (
-    RANKS,
-    DriftCurve,
-    Figures,
-    LoadSpan,
-    Reason,
-    SlipCurve,
-    Verdict,
-)
 from terratool.traversability.steps import gap_width, step_of
 from terratool.traversability.stopping import (
     allowed_speed,
@@ -56,6 +48,7 @@ from terratool.traversability.stopping import (
 )
 from terratool.traversability.turning import Turning, turn_on_spot
 from terratool.traversability.vehicle import Soil, Vehicle, Wheel
+from terratool.traversability.verdicts import RANKS, Reason, Verdict
 from terratool.traversability.wheel import LARGEST, Numbers
 
 _REQUIRED = (("cohesion", "cohesion"), ("fricAngle", "fric_angle"), ("sinkage", "sinkage"))

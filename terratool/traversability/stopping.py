@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.traversability.limits import wheel_layout
-from terratool.traversability.results import Survey
+from terratool.traversability.map_results import Survey
 from terratool.traversability.vehicle import Soil, Vehicle
 from terratool.traversability.wheel import lateral_grip
 

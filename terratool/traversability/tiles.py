@@ -16,7 +16,7 @@ from terratool.raster.grid import Grid, Window, window_name
 from terratool.raster.painter import id_type
 from terratool.tasks import Work, thread_count
 from terratool.traversability.keep_out import Zone
-from terratool.traversability.results import HEADINGS, Survey
+from terratool.traversability.map_results import HEADINGS, Survey
 from terratool.traversability.survey import Surveyor, Uncertainty, WindowMeasures
 from terratool.traversability.vehicle import Vehicle
 

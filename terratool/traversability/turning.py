@@ -8,8 +8,8 @@ import numpy as np
 
 from terratool.kernels import traversability as kernels
 from terratool.traversability.limits import wheel_layout, wheel_loads
-from terratool.traversability.results import Reason
 from terratool.traversability.vehicle import Soil, Vehicle
+from terratool.traversability.verdicts import Reason
 from terratool.traversability.wheel import towed_resistance, under_wheels
 
 

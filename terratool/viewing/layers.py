@@ -29,7 +29,7 @@ from terratool.text.meaning import guess
 from terratool.traversability.judge import Judge
 from terratool.traversability.map import default_resolution
 from terratool.traversability.report.drawing import SHADING, hatch
-from terratool.traversability.results import COLORS, GroundClass
+from terratool.traversability.verdicts import COLORS, GroundClass
 from terratool.viewing.sheet import Legend, Scale, Swatch
 from terratool.viewing.vision import look_alike
 

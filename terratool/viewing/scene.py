@@ -15,7 +15,9 @@ from terratool.definition.presets import preset_of, property_of
 from terratool.field.terrain import Terrain
 from terratool.mesh.types import Mesh
 from terratool.report.wording import count_of
-from terratool.traversability.results import COLORS, GroundClass, Route, TraversabilityReport
+from terratool.traversability.results import TraversabilityReport
+from terratool.traversability.route.results import Route
+from terratool.traversability.verdicts import COLORS, GroundClass
 from terratool.viewing.layers import surface_colors
 from terratool.viewing.mesh import (
     Ints,

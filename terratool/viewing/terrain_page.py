@@ -10,7 +10,9 @@ from typing import Any
 
 from terratool.errors import RequestError
 from terratool.output import refuse_existing, refuse_missing_folder, whole_file
-from terratool.traversability.assess import Request, assess, prepare_assessment
+from terratool.traversability.assess import assess
+from terratool.traversability.preparing import prepare_assessment
+from terratool.traversability.request import Request
 from terratool.traversability.results import TraversabilityReport
 from terratool.traversability.route.headings import Progress
 from terratool.traversability.vehicle import Vehicle

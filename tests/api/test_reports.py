@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import terratool
-from terratool.traversability.results import GroundClass, Reason, Verdict
+from terratool.traversability.verdicts import GroundClass, Reason, Verdict
 from tests.commands import ROOT, call
 
 HUSKY = ROOT / "samples/vehicles/husky-a200.json"

@@ -24,7 +24,7 @@ from terratool.io.crs import read_crs
 from terratool.sensing.map_files import MapOutput
 from terratool.text.source import Source
 from terratool.traversability.ruts import deform
-from terratool.traversability.vehicle import load_vehicle
+from terratool.traversability.vehicle_files import load_vehicle
 from tests.commands import ROOT, call
 
 BOX = {"size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box", "vScale": 1}}

@@ -34,7 +34,7 @@ from terratool.sensing.poses import one_pose
 from terratool.sensing.scan import Scan, ScanOptions
 from terratool.sensing.sensor import load_sensor
 from terratool.text.source import Source
-from terratool.traversability.vehicle import vehicle_of
+from terratool.traversability.vehicle_files import vehicle_of
 from tests.commands import ROOT
 from tests.fuzz.harness import Case, Target, WrongError, ask
 from tests.fuzz.mutation import mutate_bytes, mutate_tree

@@ -12,16 +12,20 @@ import pytest
 
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
-from terratool.traversability.assess import Request, assess, prepare_assessment
+from terratool.traversability.assess import assess
+from terratool.traversability.preparing import prepare_assessment
 from terratool.traversability.report import wording
 from terratool.traversability.report.document import as_dict
 from terratool.traversability.report.page import as_page
 from terratool.traversability.report.routes import route_features
-from terratool.traversability.results import Route, TraversabilityReport, Verdict
+from terratool.traversability.request import Request
+from terratool.traversability.results import TraversabilityReport
 from terratool.traversability.route.alternatives import SHARED, STRETCH
 from terratool.traversability.route.headings import WayFinder
+from terratool.traversability.route.results import Route
 from terratool.traversability.route.routes import plan_route
 from terratool.traversability.tiles import SurveyTiles
+from terratool.traversability.verdicts import Verdict
 from tests.conftest import terrain_of
 from tests.surveys import ROVER, drawn, level
 

@@ -11,7 +11,7 @@ import pytest
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
-from terratool.traversability.results import Reason, Survey, Verdict
+from terratool.traversability.map_results import Survey
 from terratool.traversability.route.barriers import Pose, barring_ground
 from terratool.traversability.route.graph import drivable
 from terratool.traversability.route.paths import cell_of
@@ -19,6 +19,7 @@ from terratool.traversability.route.routes import check_route, plan_route, reach
 from terratool.traversability.soil import soil_of
 from terratool.traversability.tiles import survey
 from terratool.traversability.turning import turn_on_spot
+from terratool.traversability.verdicts import Reason, Verdict
 from tests.conftest import terrain_of
 from tests.surveys import ROVER, barred, drawn, level, stood
 

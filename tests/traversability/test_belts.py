@@ -14,10 +14,13 @@ from terratool.definition.vehicle import CogText, TracksText, VehicleText
 from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid
-from terratool.traversability.results import Reason, Survey, Verdict
-from terratool.traversability.survey import Belts, Surveyor
+from terratool.traversability.map_results import Survey
+from terratool.traversability.survey import Surveyor
+from terratool.traversability.sweep import Belts
 from terratool.traversability.tiles import survey_window
-from terratool.traversability.vehicle import Vehicle, vehicle_of
+from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle_files import vehicle_of
+from terratool.traversability.verdicts import Reason, Verdict
 from tests.budget import examples
 from tests.conftest import terrain_of
 

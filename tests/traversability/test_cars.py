@@ -14,10 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terratool.raster.grid import grid_over
-from terratool.traversability.assess import Request, assess, prepare_assessment
+from terratool.traversability.assess import assess
+from terratool.traversability.preparing import prepare_assessment
 from terratool.traversability.report import wording
 from terratool.traversability.report.lines import as_lines
-from terratool.traversability.results import Reason, Route, Verdict
+from terratool.traversability.request import Request
 from terratool.traversability.route.graph import (
     ALLOWED,
     BACKING,
@@ -31,9 +32,11 @@ from terratool.traversability.route.graph import (
     moves_of,
 )
 from terratool.traversability.route.reach import heading_bits, spread
+from terratool.traversability.route.results import Route
 from terratool.traversability.route.routes import check_route, plan_route, reach
 from terratool.traversability.tiles import survey as survey_of
 from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.verdicts import Reason, Verdict
 from tests.budget import examples
 from tests.surveys import ROVER, drawn, level
 from tests.traversability.reeds_shepp import shortest

@@ -25,20 +25,25 @@ from terratool.cli.traversability import MODELS, PREFERENCES
 from terratool.errors import WriteError
 from terratool.field.terrain import Terrain, load
 from terratool.raster.grid import Window
-from terratool.traversability import assess as assessing
+from terratool.traversability import preparing
 from terratool.traversability import vehicle as vehicles
-from terratool.traversability.assess import Request, assess, first_look, prepare_assessment
+from terratool.traversability.assess import assess
+from terratool.traversability.blocked import first_look
 from terratool.traversability.conditions import FIGURES, WORDS
+from terratool.traversability.preparing import prepare_assessment
 from terratool.traversability.report import formats
 from terratool.traversability.report.document import as_dict
 from terratool.traversability.report.wording import conclusion
-from terratool.traversability.results import GroundClass, TraversabilityReport, Verdict
+from terratool.traversability.request import Request
+from terratool.traversability.results import TraversabilityReport
 from terratool.traversability.route import graph
 from terratool.traversability.route import routes as routing
 from terratool.traversability.route.paths import cell_of
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import part_of
-from terratool.traversability.vehicle import Vehicle, load_vehicle
+from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle_files import load_vehicle
+from terratool.traversability.verdicts import GroundClass, Verdict
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, call, run
 from tests.conftest import terrain_of
 
@@ -686,7 +691,7 @@ class TestAssess:
     def test_without_a_map_it_is_coarser_and_says_so(
         self, vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(assessing, "MOST_PIXELS", 60)
+        monkeypatch.setattr(preparing, "MOST_PIXELS", 60)
         terrain = terrain_of(WALLED)
         grids = prepare_assessment(terrain, vehicle, Request())
         assert (grids.grid.width, grids.grid.height) == (60, 40)
@@ -761,7 +766,7 @@ class TestAssess:
         self, vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """And without a map for nothing: what is said of the pixels is so."""
-        monkeypatch.setattr(assessing, "MOST_STATES", 100_000)
+        monkeypatch.setattr(preparing, "MOST_STATES", 100_000)
         monkeypatch.setattr(routing, "MOST_STATES", 100_000)
         terrain = terrain_of(WALLED)
         for mapped in (True, False):

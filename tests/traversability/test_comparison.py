@@ -22,14 +22,16 @@ import terratool
 from terratool.cli.terminal import StatusLine
 from terratool.raster.grid import Window
 from terratool.report.tables import columns_of
-from terratool.traversability.assess import Request
 from terratool.traversability.compare import prepare
+from terratool.traversability.fineness import finest_resolution
 from terratool.traversability.report.comparison import conclusion, together
 from terratool.traversability.report.lines import as_lines
 from terratool.traversability.report.page import as_page
-from terratool.traversability.results import GroundClass, VehicleComparison, Verdict
-from terratool.traversability.survey import Surveyor, finest_resolution
+from terratool.traversability.request import Request
+from terratool.traversability.results import VehicleComparison
+from terratool.traversability.survey import Surveyor
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
+from terratool.traversability.verdicts import GroundClass, Verdict
 from tests import reports
 from tests.commands import call
 from tests.conftest import terrain_of

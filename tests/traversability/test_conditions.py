@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from terratool.errors import RequestError
 from terratool.traversability.conditions import FIGURES, WORDS, parse
 from terratool.traversability.report.wording import ends
-from terratool.traversability.results import Verdict
+from terratool.traversability.verdicts import Verdict
 from tests import reports
 
 ALL = reports.KINDS["all"]

@@ -15,11 +15,11 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.traversability import steps
-from terratool.traversability.results import Reason, Verdict
+from terratool.traversability.ground import GroundPainter
 from terratool.traversability.soil import surface_figures
-from terratool.traversability.stance import GroundPainter
 from terratool.traversability.survey import Surveyor, WindowMeasures
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
+from terratool.traversability.verdicts import Reason, Verdict
 from tests.budget import examples
 from tests.conftest import terrain_of
 

@@ -14,8 +14,10 @@ from terratool.cluster import local_cluster
 from terratool.errors import RequestError
 from terratool.io.geotiff import TILE
 from terratool.raster.grid import Window, grid_over
-from terratool.traversability.assess import Request, assess, prepare_assessment
+from terratool.traversability.assess import assess
+from terratool.traversability.preparing import prepare_assessment
 from terratool.traversability.ranges import draw, soil_samples
+from terratool.traversability.request import Request
 from terratool.traversability.survey import Surveyor
 from tests.clusters import arrived, files_in, kill_in_mid_task
 from tests.commands import call

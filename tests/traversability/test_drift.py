@@ -14,19 +14,22 @@ import rasterio
 
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
-from terratool.traversability.assess import Request, assess, prepare_assessment
+from terratool.traversability.assess import assess
 from terratool.traversability.conditions import parse
 from terratool.traversability.limits import crab_angle
 from terratool.traversability.map_files import map_paths
+from terratool.traversability.preparing import prepare_assessment
 from terratool.traversability.report.document import as_dict
 from terratool.traversability.report.page import as_page
 from terratool.traversability.report.routes import as_geojson
 from terratool.traversability.report.wording import route_line
-from terratool.traversability.results import Reason, RouteProfile, Verdict
+from terratool.traversability.request import Request
 from terratool.traversability.route.drifting import corridor, drift_along, drift_total, stretches
+from terratool.traversability.route.results import RouteProfile
 from terratool.traversability.route.routes import check_route, plan_route, with_way_back
 from terratool.traversability.tiles import survey
 from terratool.traversability.vehicle import Axle, Soil, Thresholds, Vehicle, Wheel
+from terratool.traversability.verdicts import Reason, Verdict
 from terratool.traversability.wheel import demand, side_force
 from tests.conftest import terrain_of
 from tests.surveys import drawn

@@ -12,12 +12,14 @@ from terratool.definition.model import Surface
 from terratool.raster.grid import grid_over
 from terratool.traversability.conditions import parse
 from terratool.traversability.limits import climb, slope_demand
-from terratool.traversability.results import Route, Verdict
 from terratool.traversability.route.charge import with_charge
+from terratool.traversability.route.results import Route
 from terratool.traversability.route.routes import plan_route, with_way_back
 from terratool.traversability.soil import surface_figures
 from terratool.traversability.tiles import survey
-from terratool.traversability.vehicle import Battery, Soil, Vehicle, load_vehicle
+from terratool.traversability.vehicle import Battery, Soil, Vehicle
+from terratool.traversability.vehicle_files import load_vehicle
+from terratool.traversability.verdicts import Verdict
 from terratool.traversability.wheel import towed_resistance, traction
 from tests.commands import ROOT
 from tests.conftest import terrain_of

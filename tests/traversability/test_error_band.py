@@ -18,10 +18,10 @@ from terratool.traversability.report.curves import as_svg, slip_lines
 from terratool.traversability.report.document import as_dict
 from terratool.traversability.report.lines import as_lines
 from terratool.traversability.report.page import as_markdown, as_page
-from terratool.traversability.results import Reason, Verdict
 from terratool.traversability.soil import on_the_safe_side, surface_figures
 from terratool.traversability.tiles import survey
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
+from terratool.traversability.verdicts import Reason, Verdict
 from terratool.traversability.wheel import ERROR_BAND
 from tests.commands import call
 from tests.conftest import terrain_of

@@ -21,7 +21,6 @@ from terratool.errors import RequestError
 from terratool.raster.grid import Grid
 from terratool.raster.layers import LAYERS, SurfaceValues
 from terratool.traversability.limits import level_demand, wheel_loads
-from terratool.traversability.results import Reason, Verdict
 from terratool.traversability.soil import (
     ASSUMPTIONS,
     bekker_sinkage,
@@ -33,6 +32,7 @@ from terratool.traversability.soil import (
 )
 from terratool.traversability.tiles import survey
 from terratool.traversability.vehicle import Axle, Margins, Soil, Vehicle, Wheel
+from terratool.traversability.verdicts import Reason, Verdict
 from terratool.traversability.wheel import demand
 from tests.budget import examples
 from tests.conftest import terrain_of

@@ -20,11 +20,12 @@ from terratool.traversability import foot
 from terratool.traversability.judge import Judge
 from terratool.traversability.map import map_bands
 from terratool.traversability.map_files import CHANCE, FOOTHOLD, NUMBERS, further_bands
-from terratool.traversability.results import COLORS, GroundClass, Reason, Verdict
 from terratool.traversability.soil import surface_figures
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.track import plate_sinkage
-from terratool.traversability.vehicle import Vehicle, vehicle_of
+from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle_files import vehicle_of
+from terratool.traversability.verdicts import COLORS, GroundClass, Reason, Verdict
 from terratool.viewing.layers import layer_picture
 from tests.traversability.test_belts import EAST, along, bar, crawler, ground, surveyed
 

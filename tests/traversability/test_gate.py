@@ -20,9 +20,9 @@ import pytest
 import terratool
 from terratool.errors import RequestError
 from terratool.traversability import gate
-from terratool.traversability.assess import Request
 from terratool.traversability.gate import FileJob, judge_file, judge_files
-from terratool.traversability.vehicle import load_vehicle
+from terratool.traversability.request import Request
+from terratool.traversability.vehicle_files import load_vehicle
 from tests.commands import ROOT, call
 from tests.strategies import Json
 

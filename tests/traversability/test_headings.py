@@ -21,15 +21,21 @@ from hypothesis import strategies as st
 import terratool
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
-from terratool.traversability.assess import Request, assess, first_look, prepare_assessment
+from terratool.traversability.assess import assess
+from terratool.traversability.blocked import first_look
+from terratool.traversability.map_results import FINER_HEADINGS
+from terratool.traversability.preparing import prepare_assessment
 from terratool.traversability.report import wording
-from terratool.traversability.results import FINER_HEADINGS, Route, TraversabilityReport
+from terratool.traversability.request import Request
+from terratool.traversability.results import TraversabilityReport
 from terratool.traversability.route import headings
 from terratool.traversability.route.headings import WayFinder, finer_headings
+from terratool.traversability.route.results import Route
 from terratool.traversability.route.routes import plan_route, search_route, with_way_back
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import SurveyTiles, survey
-from terratool.traversability.vehicle import Vehicle, load_vehicle
+from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle_files import load_vehicle
 from tests.budget import examples
 from tests.commands import call
 from tests.conftest import terrain_of

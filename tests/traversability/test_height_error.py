@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.raster.grid import Grid, Window
+from terratool.traversability.footprint import vehicle_footprint
 from terratool.traversability.height_error import HeightError, block_shifts, footprint_errors
 from terratool.traversability.ranges import Draws, case_samples, draw
-from terratool.traversability.results import Verdict
-from terratool.traversability.stance import vehicle_footprint
 from terratool.traversability.survey import Surveyor, Uncertainty
 from terratool.traversability.vehicle import Axle, Vehicle
+from terratool.traversability.verdicts import Verdict
 from tests.conftest import terrain_of
 from tests.surveys import ROVER
 

@@ -16,16 +16,20 @@ from hypothesis import strategies as st
 
 from terratool.errors import ReadError, RequestError
 from terratool.raster.grid import grid_over
-from terratool.traversability.assess import Request, assess, first_look, prepare_assessment
+from terratool.traversability.assess import assess
+from terratool.traversability.blocked import first_look
 from terratool.traversability.keep_out import KeptOut, Zone
+from terratool.traversability.preparing import prepare_assessment
 from terratool.traversability.report import wording
 from terratool.traversability.report.document import as_dict
 from terratool.traversability.report.page import as_page
 from terratool.traversability.report.routes import as_geojson
-from terratool.traversability.results import GroundClass, Reason, TraversabilityReport, Verdict
+from terratool.traversability.request import Request
+from terratool.traversability.results import TraversabilityReport
 from terratool.traversability.route.zones import read_keep_out
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.verdicts import GroundClass, Reason, Verdict
 from tests.budget import examples
 from tests.surveys import ROVER, level
 

@@ -11,13 +11,14 @@ from terratool.definition.model import Surface
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
 from terratool.traversability.limits import climb, slip_limit
+from terratool.traversability.map_results import Survey
 from terratool.traversability.ranges import case_samples, draw
-from terratool.traversability.results import RANKS, Survey
 from terratool.traversability.route.routes import plan_route
 from terratool.traversability.soil import soil_under, surface_figures, turnings
 from terratool.traversability.survey import Surveyor, Uncertainty
 from terratool.traversability.tiles import survey
 from terratool.traversability.vehicle import Load, Vehicle
+from terratool.traversability.verdicts import RANKS
 from tests.conftest import terrain_of
 from tests.surveys import ROVER
 

@@ -15,13 +15,16 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window, grid_over
+from terratool.traversability.footprint import directions
+from terratool.traversability.ground import GroundPainter
 from terratool.traversability.limits import wheel_loads
-from terratool.traversability.results import Reason, Survey, Verdict
-from terratool.traversability.stance import GroundPainter, directions
+from terratool.traversability.map_results import Survey
+from terratool.traversability.parameters import soil_table
 from terratool.traversability.steps import gap_width, step_of
-from terratool.traversability.survey import Surveyor, WindowMeasures, soil_table
+from terratool.traversability.survey import Surveyor, WindowMeasures
 from terratool.traversability.tiles import survey
 from terratool.traversability.vehicle import Axle, Margins, Overhang, Vehicle, Wheel
+from terratool.traversability.verdicts import Reason, Verdict
 from terratool.traversability.wheel import SoilArrays
 from tests.budget import examples
 from tests.conftest import terrain_of

@@ -15,12 +15,15 @@ from rasterio.enums import ColorInterp
 from terratool.errors import RequestError, WriteError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, grid_over
-from terratool.traversability.assess import Request, assess, prepare_assessment
+from terratool.traversability.assess import assess
 from terratool.traversability.map import default_resolution
 from terratool.traversability.map_files import map_paths
-from terratool.traversability.results import COLORS, GroundClass, MapSummary, Reason, Verdict
+from terratool.traversability.map_results import MapSummary
+from terratool.traversability.preparing import prepare_assessment
+from terratool.traversability.request import Request
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import survey
+from terratool.traversability.verdicts import COLORS, GroundClass, Reason, Verdict
 from tests.conftest import terrain_of
 from tests.traversability.test_map import ROVER
 

@@ -18,7 +18,7 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid
 from terratool.traversability.limits import climb, level_demand, wheel_loads
-from terratool.traversability.results import Survey
+from terratool.traversability.map_results import Survey
 from terratool.traversability.ruts import DeformOptions, deform
 from terratool.traversability.tiles import survey
 from terratool.traversability.vehicle import Axle, Soil, Vehicle, Wheel

@@ -14,8 +14,10 @@ from hypothesis import strategies as st
 
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
-from terratool.traversability.assess import Request, assess, prepare_assessment
-from terratool.traversability.results import Route, Survey, Verdict
+from terratool.traversability.assess import assess
+from terratool.traversability.map_results import Survey
+from terratool.traversability.preparing import prepare_assessment
+from terratool.traversability.request import Request
 from terratool.traversability.route.graph import (
     PREFERENCES,
     drivable,
@@ -29,9 +31,11 @@ from terratool.traversability.route.paths import (
     headings_beside,
     worst_verdict,
 )
+from terratool.traversability.route.results import Route
 from terratool.traversability.route.routes import check_route, plan_route, search_route
 from terratool.traversability.soil import turnings
 from terratool.traversability.tiles import survey as survey_of
+from terratool.traversability.verdicts import Verdict
 from tests.budget import examples
 from tests.conftest import terrain_of
 from tests.surveys import ROVER, drawn, level

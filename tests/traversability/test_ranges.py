@@ -25,20 +25,19 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, Window, grid_over
 from terratool.traversability import ranges
-from terratool.traversability.assess import Request, assess, prepare_assessment
+from terratool.traversability.assess import assess
+from terratool.traversability.map_results import CHANCE_BOUNDS
+from terratool.traversability.preparing import prepare_assessment
 from terratool.traversability.ranges import Draws, draw, level_chances, share_error, soil_samples
 from terratool.traversability.report import document, tables
 from terratool.traversability.report.routes import as_geojson
-from terratool.traversability.results import (
-    CHANCE_BOUNDS,
-    GroundClass,
-    TraversabilityReport,
-    Verdict,
-)
+from terratool.traversability.request import Request
+from terratool.traversability.results import TraversabilityReport
 from terratool.traversability.soil import surface_figures
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import part_of
 from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.verdicts import GroundClass, Verdict
 from tests.budget import examples
 from tests.commands import ROOT, call
 from tests.conftest import terrain_of

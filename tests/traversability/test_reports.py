@@ -28,24 +28,17 @@ from terratool.raster import shading
 from terratool.raster.grid import Grid
 from terratool.report.tables import columns_of
 from terratool.traversability.assess import verdict_of
+from terratool.traversability.map_results import MapSummary, Preview
 from terratool.traversability.report import drawing, tables, wording
 from terratool.traversability.report.document import as_dict, as_json
 from terratool.traversability.report.lines import as_lines
 from terratool.traversability.report.page import as_markdown, as_page
 from terratool.traversability.report.routes import as_geojson
 from terratool.traversability.report.wording import conclusion
-from terratool.traversability.results import (
-    COLORS,
-    GroundClass,
-    MapSummary,
-    Preview,
-    Reach,
-    Reason,
-    RouteProfile,
-    TraversabilityReport,
-    Verdict,
-)
+from terratool.traversability.results import TraversabilityReport
+from terratool.traversability.route.results import Reach, RouteProfile
 from terratool.traversability.vehicle import Vehicle, Wheel
+from terratool.traversability.verdicts import COLORS, GroundClass, Reason, Verdict
 from tests import reports
 from tests.programs import program
 

@@ -12,16 +12,20 @@ from numpy.typing import NDArray
 from terratool.cluster import Threads
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, grid_over
-from terratool.traversability.assess import Request, assess, prepare_assessment
+from terratool.traversability.assess import assess
 from terratool.traversability.map import MapBuilder, begin_of, stream_map
+from terratool.traversability.preparing import prepare_assessment
 from terratool.traversability.report.wording import conclusion
-from terratool.traversability.results import GroundClass, Reason, TraversabilityReport, Verdict
+from terratool.traversability.request import Request
+from terratool.traversability.results import TraversabilityReport
 from terratool.traversability.route.reach import Connected
 from terratool.traversability.route.routes import reach_of
 from terratool.traversability.soil import turnings
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import survey
-from terratool.traversability.vehicle import Vehicle, load_vehicle
+from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle_files import load_vehicle
+from terratool.traversability.verdicts import GroundClass, Reason, Verdict
 from tests.commands import ROOT
 from tests.conftest import terrain_of
 from tests.strategies import Json
@@ -256,7 +260,7 @@ def test_a_mirrored_terrain_has_a_mirrored_rim(
 
 
 def test_shares_leave_the_edge_out_and_have_its_own() -> None:
-    from terratool.traversability.results import fraction_of
+    from terratool.traversability.map_results import fraction_of
 
     counts = {GroundClass.GO: 6, GroundClass.NO_GO: 2, GroundClass.EDGE: 8}
     assert fraction_of(counts, GroundClass.GO) == 0.75

@@ -18,13 +18,17 @@ from hypothesis import strategies as st
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
-from terratool.traversability.assess import Request, assess, prepare_assessment
-from terratool.traversability.results import GroundClass, Reason, Route, Survey, Verdict
+from terratool.traversability.assess import assess
+from terratool.traversability.map_results import Survey
+from terratool.traversability.preparing import prepare_assessment
+from terratool.traversability.request import Request
 from terratool.traversability.route import routes
 from terratool.traversability.route.graph import PREFERENCES
+from terratool.traversability.route.results import Route
 from terratool.traversability.route.routes import check_route, plan_route, reach, route_grid
 from terratool.traversability.turning import turn_on_spot
 from terratool.traversability.vehicle import Axle, Soil, Vehicle, Wheel
+from terratool.traversability.verdicts import GroundClass, Reason, Verdict
 from tests.budget import examples
 from tests.conftest import terrain_of
 from tests.surveys import ROVER, barred, drawn, level

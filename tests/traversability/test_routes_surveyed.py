@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
+from terratool.traversability.map_results import Survey
 from terratool.traversability.report.routes import route_features
-from terratool.traversability.results import Reason, RouteProfile, Survey, Verdict
 from terratool.traversability.route.graph import PREFERENCES, Preference
 from terratool.traversability.route.paths import cells_of, worst_verdict
+from terratool.traversability.route.results import RouteProfile
 from terratool.traversability.route.routes import (
     check_route,
     plan_route,
@@ -28,6 +29,7 @@ from terratool.traversability.route.routes import (
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import SurveyTiles, survey
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
+from terratool.traversability.verdicts import Reason, Verdict
 from tests.budget import examples
 from tests.conftest import terrain_of
 

@@ -27,7 +27,8 @@ from terratool.traversability.ruts import (
     write_deformed,
 )
 from terratool.traversability.soil import bekker_sinkage
-from terratool.traversability.vehicle import Axle, Vehicle, Wheel, load_vehicle
+from terratool.traversability.vehicle import Axle, Vehicle, Wheel
+from terratool.traversability.vehicle_files import load_vehicle
 from tests.commands import ROOT, call
 
 WHEEL = Wheel(radius=0.2, width=0.1)

@@ -16,22 +16,16 @@ import pytest
 
 from terratool.definition.reader import check
 from terratool.traversability import wheel as wheels
+from terratool.traversability.figures import Figures, SlipCurve
 from terratool.traversability.limits import slip_limit, slope_demand
 from terratool.traversability.report import curves, tables
 from terratool.traversability.report.document import as_dict
 from terratool.traversability.report.page import as_markdown, as_page
-from terratool.traversability.results import Figures, Reason, SlipCurve, TraversabilityReport
+from terratool.traversability.results import TraversabilityReport
 from terratool.traversability.soil import CURVE_BEYOND, CURVE_STEP, slip_curve, surface_figures
-from terratool.traversability.vehicle import (
-    Axle,
-    Margins,
-    Soil,
-    Thresholds,
-    Vehicle,
-    Wheel,
-    load_vehicle,
-    vehicle_of,
-)
+from terratool.traversability.vehicle import Axle, Margins, Soil, Thresholds, Vehicle, Wheel
+from terratool.traversability.vehicle_files import load_vehicle, vehicle_of
+from terratool.traversability.verdicts import Reason
 from tests import reports
 from tests.commands import ROOT, call
 from tests.conftest import terrain_of

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from terratool.definition.model import Surface
+from terratool.traversability.figures import Figures
 from terratool.traversability.report import wording
-from terratool.traversability.results import Figures
 from terratool.traversability.soil import surface_figures
 from terratool.traversability.steps import StepLimit, axle_steps, gap_width, step_height, step_of
 from terratool.traversability.vehicle import Axle, Margins, Vehicle, Wheel

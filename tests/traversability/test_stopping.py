@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from terratool.raster.grid import grid_over
+from terratool.traversability.figures import Figures
 from terratool.traversability.limits import slope_demand
-from terratool.traversability.results import Figures
 from terratool.traversability.route.routes import plan_route
 from terratool.traversability.soil import surface_figures
 from terratool.traversability.stopping import (

@@ -15,8 +15,8 @@ from terratool.errors import RequestError
 from terratool.kernels import traversability as kernels
 from terratool.traversability import limits, wheel
 from terratool.traversability.limits import Measure, judge, share_of
-from terratool.traversability.results import Reason, Verdict
 from terratool.traversability.vehicle import Axle, Soil, Vehicle, Wheel
+from terratool.traversability.verdicts import Reason, Verdict
 from terratool.traversability.wheel import SoilArrays, demand, under_wheels
 from tests.budget import examples
 from tests.surveys import judged

@@ -15,11 +15,11 @@ from terratool.definition.model import Surface
 from terratool.definition.presets import PRESETS
 from terratool.traversability import track
 from terratool.traversability.limits import climb, slope_demand, tip_over, wheel_loads
-from terratool.traversability.results import Reason
 from terratool.traversability.soil import soil_under, surface_figures
 from terratool.traversability.steps import step_of
 from terratool.traversability.turning import turn_on_spot
 from terratool.traversability.vehicle import Axle, Soil, Tracks, Vehicle, Wheel
+from terratool.traversability.verdicts import Reason
 from tests.budget import examples
 
 LOAD, WIDTH, LENGTH, SLIP = 600.0, 0.15, 0.7, 0.2

@@ -12,10 +12,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from terratool.traversability.limits import wheel_layout, wheel_loads
-from terratool.traversability.results import Reason
 from terratool.traversability.soil import surface_figures
 from terratool.traversability.turning import Turning, turn_on_spot
 from terratool.traversability.vehicle import Axle, Soil, Vehicle, Wheel
+from terratool.traversability.verdicts import Reason
 from terratool.traversability.wheel import lateral_grip, towed_resistance
 from tests.budget import examples
 from tests.surveys import level

@@ -17,8 +17,6 @@ import terratool
 from terratool.definition.reader import check
 from terratool.errors import DefinitionError, ReadError
 from terratool.traversability.vehicle import (
-    CARCASS,
-    ROLLING,
     Axle,
     Battery,
     Load,
@@ -27,9 +25,8 @@ from terratool.traversability.vehicle import (
     Thresholds,
     Vehicle,
     Wheel,
-    load_vehicle,
-    vehicle_of,
 )
+from terratool.traversability.vehicle_files import CARCASS, ROLLING, load_vehicle, vehicle_of
 from tests.commands import ROOT, SAMPLE
 from tests.strategies import Json
 from tests.vehicles import LOPSIDED, SMALLEST, source, vehicles

@@ -14,13 +14,17 @@ import rasterio
 
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
-from terratool.traversability.assess import Request, assess, prepare_assessment
+from terratool.traversability.assess import assess
 from terratool.traversability.judge import Judge
 from terratool.traversability.map_files import map_paths
+from terratool.traversability.map_results import Preview
+from terratool.traversability.preparing import prepare_assessment
 from terratool.traversability.report.page import as_page
 from terratool.traversability.report.roses import CELLS, Rose, rose_path, roses
 from terratool.traversability.report.wording import conclusion
-from terratool.traversability.results import GroundClass, Preview, TraversabilityReport
+from terratool.traversability.request import Request
+from terratool.traversability.results import TraversabilityReport
+from terratool.traversability.verdicts import GroundClass
 from tests.conftest import terrain_of
 from tests.surveys import ROVER
 

@@ -12,7 +12,8 @@ from terratool.definition.presets import PRESETS
 from terratool.traversability import limits
 from terratool.traversability import wheel as wheels
 from terratool.traversability.soil import bekker_sinkage, governing_wheel
-from terratool.traversability.vehicle import Soil, Wheel, load_vehicle
+from terratool.traversability.vehicle import Soil, Wheel
+from terratool.traversability.vehicle_files import load_vehicle
 from terratool.traversability.wheel import ERROR_BAND
 from tests.validation.fit import errors, without
 from tests.validation.page import ROOT, sideways

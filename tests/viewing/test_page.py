@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from terratool.traversability.results import COLORS, GroundClass
+from terratool.traversability.verdicts import COLORS, GroundClass
 from tests.commands import COMMAND, ENVIRONMENT, ROOT, SAMPLE, call
 from tests.viewing.browsers import chromium
 

@@ -19,7 +19,7 @@ from terratool.cli.render import LAYERS
 from terratool.errors import RequestError
 from terratool.raster.painter import Painter
 from terratool.raster.shading import ticks
-from terratool.traversability.results import COLORS, GroundClass
+from terratool.traversability.verdicts import COLORS, GroundClass
 from terratool.viewing import plan
 from terratool.viewing.cells import cell_lines
 from terratool.viewing.layers import NAMES, PALETTE

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from terratool.traversability.results import COLORS, GroundClass
+from terratool.traversability.verdicts import COLORS, GroundClass
 from terratool.viewing.layers import PALETTE
 from terratool.viewing.options import RenderOptions
 from terratool.viewing.render import render

@@ -11,19 +11,14 @@ from terratool.report import numbers
 from terratool.report.tables import Cell, Column, Judged, Table
 from terratool.report.wording import count_of, join_words
 from terratool.text.display import printable
+from terratool.traversability.figures import Figures
+from terratool.traversability.map_results import fraction_of
 from terratool.traversability.report import wording
 from terratool.traversability.report.tables import grounds_of, title, what_binds
 from terratool.traversability.report.wording import vehicle_name
-from terratool.traversability.results import (
-    Figures,
-    GroundClass,
-    Reports,
-    Route,
-    TraversabilityReport,
-    VehicleComparison,
-    Verdict,
-    fraction_of,
-)
+from terratool.traversability.results import Reports, TraversabilityReport, VehicleComparison
+from terratool.traversability.route.results import Route
+from terratool.traversability.verdicts import GroundClass, Verdict
 
 
 class Together(NamedTuple):

@@ -14,11 +14,12 @@ from typing import NamedTuple
 from terratool.report import numbers
 from terratool.report.tables import columns_of, truncate
 from terratool.text.display import printable
+from terratool.traversability.figures import SlipCurve
 from terratool.traversability.limits import slip_limit
 from terratool.traversability.report import wording
 from terratool.traversability.report.tables import title
 from terratool.traversability.report.wording import vehicle_name
-from terratool.traversability.results import Reports, SlipCurve, TraversabilityReport
+from terratool.traversability.results import Reports, TraversabilityReport
 from terratool.traversability.vehicle import Vehicle
 
 COLOURS = 6

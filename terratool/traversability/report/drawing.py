@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from terratool.raster.shading import LIGHT, contour_interval, exaggeration, hillshade, ticks
 from terratool.report import numbers
-from terratool.traversability.results import COLORS, GroundClass, Preview, RouteProfile, Verdict
+from terratool.traversability.map_results import Preview
+from terratool.traversability.route.results import RouteProfile
 from terratool.traversability.vehicle import Battery
+from terratool.traversability.verdicts import COLORS, GroundClass, Verdict
 
 _LEFT, _RIGHT, _TOP = 52, 12, 22
 """Margins for the numbers of the axes, and for the title of the upper one, pixels."""

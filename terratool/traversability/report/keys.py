@@ -12,7 +12,7 @@ from msgspec import Struct, UnsetType
 
 from terratool.report.documents import one_of
 from terratool.report.numbers import exact
-from terratool.traversability.results import Reason, Verdict
+from terratool.traversability.verdicts import Reason, Verdict
 
 Kind = TypeVar("Kind", bound=Struct)
 

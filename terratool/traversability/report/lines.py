@@ -8,6 +8,8 @@ from terratool.report import numbers
 from terratool.report.tables import WIDTH, Cell, Table, align, columns_in, truncate, wrap
 from terratool.report.wording import join_words
 from terratool.text.display import printable
+from terratool.traversability.figures import Figures
+from terratool.traversability.map_results import MapSummary, fraction_of
 from terratool.traversability.report import comparison, wording
 from terratool.traversability.report.tables import (
     chances,
@@ -19,16 +21,8 @@ from terratool.traversability.report.tables import (
     warnings,
     what_binds,
 )
-from terratool.traversability.results import (
-    Figures,
-    MapSummary,
-    Reason,
-    Reports,
-    TraversabilityReport,
-    VehicleComparison,
-    Verdict,
-    fraction_of,
-)
+from terratool.traversability.results import Reports, TraversabilityReport, VehicleComparison
+from terratool.traversability.verdicts import Reason, Verdict
 
 _NAME = 16
 """Most columns of names of surfaces; longer ones are cut."""

@@ -20,20 +20,15 @@ from terratool.report.tables import Table, join_tables
 from terratool.report.wording import join_words
 from terratool.text.display import quote
 from terratool.traversability.keep_out import Zone
+from terratool.traversability.map_results import Preview, fraction_of
 from terratool.traversability.report import comparison, curves, tables, wording
 from terratool.traversability.report.drawing import chart, map_picture
 from terratool.traversability.report.roses import rose_path
 from terratool.traversability.report.wording import vehicle_name
-from terratool.traversability.results import (
-    GroundClass,
-    Location,
-    Preview,
-    Reports,
-    Route,
-    TraversabilityReport,
-    fraction_of,
-)
+from terratool.traversability.results import Reports, TraversabilityReport
 from terratool.traversability.route.drifting import corridor
+from terratool.traversability.route.results import Location, Route
+from terratool.traversability.verdicts import GroundClass
 
 _FOLDER = Path(__file__).parent
 _NAME = 14

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.traversability.results import Preview
+from terratool.traversability.map_results import Preview
 
 CELLS = 16
 """Number of roses along the longer side of a map."""

@@ -12,17 +12,10 @@ from terratool._version import __version__
 from terratool.report.documents import json_text
 from terratool.report.numbers import exact
 from terratool.traversability.keep_out import Zone
-from terratool.traversability.results import (
-    Barrier,
-    Location,
-    Reason,
-    Reports,
-    Route,
-    RouteProfile,
-    TraversabilityReport,
-    Verdict,
-)
+from terratool.traversability.results import Reports, TraversabilityReport
 from terratool.traversability.route.drifting import corridor
+from terratool.traversability.route.results import Barrier, Location, Route, RouteProfile
+from terratool.traversability.verdicts import Reason, Verdict
 
 Feature = dict[str, Any]
 

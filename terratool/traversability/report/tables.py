@@ -9,17 +9,13 @@ from terratool.report import numbers
 from terratool.report.tables import Cell, Column, Table
 from terratool.report.wording import count_of
 from terratool.text.display import printable
+from terratool.traversability.figures import Figures
+from terratool.traversability.map_results import CHANCE_BOUNDS, MapSummary, fraction_of
 from terratool.traversability.report import wording
-from terratool.traversability.results import (
-    CHANCE_BOUNDS,
-    Figures,
-    GroundClass,
-    MapSummary,
-    Route,
-    TraversabilityReport,
-    fraction_of,
-)
+from terratool.traversability.results import TraversabilityReport
+from terratool.traversability.route.results import Route
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
+from terratool.traversability.verdicts import GroundClass
 
 _SLOPES, _STEEPEST = 5, 45
 """Step and largest of the slopes in the table of slips, degrees."""

@@ -11,24 +11,17 @@ import numpy as np
 from terratool.report import numbers
 from terratool.report.wording import count_of, join_words
 from terratool.text.display import printable, quote
-from terratool.traversability.results import (
+from terratool.traversability.figures import Figures
+from terratool.traversability.map_results import (
     CHANCE_BOUNDS,
     FINER_HEADINGS,
     MOST_HEADINGS,
-    RANKS,
-    Barrier,
-    Extreme,
-    Figures,
-    GroundClass,
-    Location,
-    Reach,
-    Reason,
-    Route,
-    TraversabilityReport,
-    Verdict,
     fraction_of,
 )
+from terratool.traversability.results import TraversabilityReport
+from terratool.traversability.route.results import Barrier, Extreme, Location, Reach, Route
 from terratool.traversability.vehicle import Load, Vehicle
+from terratool.traversability.verdicts import RANKS, GroundClass, Reason, Verdict
 
 GROUNDS = (
     GroundClass.GO,

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from terratool.output import whole_file
-from terratool.traversability.assess import PreparedRequest, assess
+from terratool.traversability.assess import assess
 from terratool.traversability.compare import PreparedComparison, map_path_of
 from terratool.traversability.map_files import map_paths
+from terratool.traversability.preparing import PreparedRequest
 from terratool.traversability.report.formats import renderer_of
 from terratool.traversability.results import Reports, TraversabilityReport, VehicleComparison
 from terratool.traversability.route.headings import Progress

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.raster.grid import Grid
-from terratool.traversability.results import Route
 from terratool.traversability.route.graph import Preference
 from terratool.traversability.route.paths import cells_of
+from terratool.traversability.route.results import Route
 
 MOST = 9
 """Most alternatives to a route."""

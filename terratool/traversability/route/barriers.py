@@ -16,14 +16,16 @@ from terratool.report.numbers import coordinates
 from terratool.text.display import quote
 from terratool.traversability.keep_out import zone_at
 from terratool.traversability.limits import level_demand
-from terratool.traversability.results import Barrier, Reason, Survey
+from terratool.traversability.map_results import Survey
 from terratool.traversability.route.graph import drivable, turnable, turning_arc
 from terratool.traversability.route.paths import Path, location_at
+from terratool.traversability.route.results import Barrier
 from terratool.traversability.soil import soils, turnings
 from terratool.traversability.stopping import brakes_of
 from terratool.traversability.tiles import SurveyTiles
 from terratool.traversability.turning import Turning
 from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.verdicts import Reason
 
 _PER_RADIUS = 4.0
 """Samples of the ground per wheel radius."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid
-from terratool.traversability.results import Survey
+from terratool.traversability.map_results import Survey
 from terratool.traversability.route.graph import (
     ROUNDS,
     Costs,
@@ -227,7 +227,8 @@ class Rounding(NamedTuple):
 def rounded(points: NDArray[np.float64], grid: Grid, radius: float) -> Rounding:
     """Round the corners of a line through points, (n, 2) m, by arcs of a radius, m.
 
-    A corner stays one where its arc would take more of a leg than the arc before it has left.
+    A corner stays one where its arc would take more of a leg than the arc before it has left; all
+    do where the radius is 0.
     """
     legs = np.diff(points, axis=0)
     lengths = np.hypot(*legs.T)
@@ -244,7 +245,11 @@ def rounded(points: NDArray[np.float64], grid: Grid, radius: float) -> Rounding:
     taken = 0.0
     for n, angle in enumerate(angles.tolist(), 1):
         tangent = radius * math.tan(0.5 * angle)
-        fits = math.radians(_SAME) < angle and tangent <= min(lengths[n - 1] - taken, lengths[n])
+        fits = (
+            radius > 0.0
+            and math.radians(_SAME) < angle
+            and tangent <= min(lengths[n - 1] - taken, lengths[n])
+        )
         taken = tangent if fits else 0.0
         if fits:
             out[n, 3:6] = np.array([tangent, tangent, radius]) / grid.resolution

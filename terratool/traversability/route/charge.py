@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from terratool.field.terrain import Terrain
-from terratool.traversability.results import RANKS, ChargeUse, Extreme, Route
 from terratool.traversability.route.paths import location_at
+from terratool.traversability.route.results import ChargeUse, Extreme, Route
 from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.verdicts import RANKS
 
 
 def with_charge(route: Route, vehicle: Vehicle, terrain: Terrain) -> Route:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.traversability.results import RouteProfile
+from terratool.traversability.route.results import RouteProfile
 
 _CORNER = math.radians(1.0)
 """Change of direction that makes a corner, rad; there, whoever steers sees where it is."""

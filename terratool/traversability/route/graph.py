@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from terratool.errors import RequestError
 from terratool.kernels import traversability as kernels
 from terratool.text.meaning import guess
-from terratool.traversability.results import Survey, Verdict
+from terratool.traversability.map_results import Survey
 from terratool.traversability.stopping import speeds
 from terratool.traversability.turning import Turning
 from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.verdicts import Verdict
 
 Preference = Literal["length", "time", "energy", "margin"]
 """A quantity that a route minimises; `margin` prices small margins."""

@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
-from terratool.traversability.results import FINER_HEADINGS, HEADINGS, Route, Verdict
+from terratool.traversability.map_results import FINER_HEADINGS, HEADINGS
 from terratool.traversability.route.alternatives import Penalties, find_alternatives
 from terratool.traversability.route.barriers import Cell, Point
 from terratool.traversability.route.graph import Preference, drivable
 from terratool.traversability.route.paths import cell_of
 from terratool.traversability.route.reach import begin_at, spread
+from terratool.traversability.route.results import Route
 from terratool.traversability.route.routes import (
     MOST_STATES,
     RouteSearch,
@@ -26,6 +27,7 @@ from terratool.traversability.route.routes import (
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import SurveyTiles, part_of
 from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.verdicts import Verdict
 
 MOST_FINER_STATES = 2 * MOST_STATES
 """Most states, headings times cells, of a survey with finer headings."""

@@ -21,15 +21,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
 from terratool.report.numbers import coordinates
-from terratool.traversability.results import (
-    RANKS,
-    Extreme,
-    Location,
-    Reason,
-    RouteProfile,
-    Survey,
-    Verdict,
-)
+from terratool.traversability.map_results import Survey
 from terratool.traversability.route.drifting import drift_along
 from terratool.traversability.route.graph import (
     cells_between,
@@ -38,9 +30,11 @@ from terratool.traversability.route.graph import (
     joules_per_metre,
     seconds_per_metre,
 )
+from terratool.traversability.route.results import Extreme, Location, RouteProfile
 from terratool.traversability.stopping import deceleration, speeds, stopping_distance
 from terratool.traversability.turning import Turning
 from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.verdicts import RANKS, Reason, Verdict
 
 _PER_CELL = 2
 """Samples per side of a cell along a straight leg."""

@@ -13,22 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
-from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, grid_over
+from terratool.report import numbers
 from terratool.report.numbers import coordinates
-from terratool.traversability.results import (
-    HEADINGS,
-    RANKS,
-    Barrier,
-    Extreme,
-    Location,
-    Reach,
-    Reason,
-    Route,
-    RouteProfile,
-    Survey,
-    Verdict,
-)
+from terratool.traversability.fineness import coarsest_resolution
+from terratool.traversability.map_results import HEADINGS, Survey
 from terratool.traversability.route.barriers import (
     BlockedPlace,
     Cell,
@@ -44,7 +33,6 @@ from terratool.traversability.route.bends import (
     reversed_corners,
     rounded,
 )
-from terratool.traversability.route.drifting import drift_total
 from terratool.traversability.route.graph import (
     ALLOWED,
     BACKING,
@@ -62,32 +50,35 @@ from terratool.traversability.route.graph import (
     turnable,
     turning_arc,
 )
+from terratool.traversability.route.outcome import leads_back, with_barriers, with_way
 from terratool.traversability.route.paths import (
     Path,
     cell_of,
     check_inside,
     driving_cost,
-    find_extreme,
     graph_path,
     location_at,
     profile,
     pulled_path,
-    reversed_path,
     straight_path,
     worst_verdict,
 )
 from terratool.traversability.route.reach import (
     Connected,
-    begin_at,
     begin_from,
     connected_cells,
     heading_bits,
-    spread,
+)
+from terratool.traversability.route.results import (
+    Barrier,
+    Location,
+    Reach,
+    Route,
 )
 from terratool.traversability.soil import turnings
-from terratool.traversability.survey import coarsest_resolution
 from terratool.traversability.tiles import SurveyTiles, part_of
-from terratool.traversability.vehicle import Load, Vehicle
+from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.verdicts import RANKS, Verdict
 
 MOST_STATES = 6_000_000
 """Most states, headings times cells, of a route's grid."""
@@ -266,31 +257,31 @@ class RouteSearch:
         for both in (False, True):
             corners = pulled(self.costs, self.found, both, self.near)
             path = pulled_path(corners, survey) if len(corners) > 1 else chain
-            one_way = not _leads_back(path, self.on)
-            if one_way and _leads_back(chain, self.on):
+            one_way = not leads_back(path, self.on)
+            if one_way and leads_back(chain, self.on):
                 continue
             # longer legs drift farther between two corners
-            found = _with_way(route, path, self.on, one_way)
+            found = with_way(route, path, self.on, one_way)
             if not found.strays:
                 return found
-        return _with_way(route, chain, self.on, not _leads_back(chain, self.on))
+        return with_way(route, chain, self.on, not leads_back(chain, self.on))
 
     def _bent_way(self, route: Route, chain: Path) -> Route:
         """Complete a route of a vehicle that bends, as `_way` does."""
         assert self.found is not None and self.costs is not None
         survey = self.on.survey
         radius = self.on.vehicle.turning_radius / survey.grid.resolution
-        leads_back = _leads_back(chain, self.on)
+        chain_leads_back = leads_back(chain, self.on)
         for both in (False, True):
             corners = pulled_corners(self.costs, self.found, radius, both, self.near)
             back = bent_path(reversed_corners(corners), survey)
             one_way = not np.all(back.values_of(drivable(survey)))
-            if one_way and leads_back:
+            if one_way and chain_leads_back:
                 continue
-            found = _with_way(route, bent_path(corners, survey), self.on, one_way)
+            found = with_way(route, bent_path(corners, survey), self.on, one_way)
             if not found.strays:
                 return found
-        return _with_way(route, chain, self.on, not leads_back)
+        return with_way(route, chain, self.on, not chain_leads_back)
 
     def route(self) -> Route:
         """The route with its way, or with barriers, which take a second search."""
@@ -306,14 +297,14 @@ class RouteSearch:
             if not can
         )
         if self.found is None:
-            return _with_barriers(route, (_barrier_at(on, start, ends[0]),), None, note)
+            return with_barriers(route, (_barrier_at(on, start, ends[0]),), None, note)
         if self.has_way:
             return self._way(route)
         nearest = _nearest_marked(on.terrain, on.survey, self.found.reached, ends[1])
         between = barriers(on, _least_resistance(on, ends[0], ends[1]))
         # the goal's cell may be reachable although the goal itself has no ground
         bars = between or (_barrier_at(on, goal, ends[1]),)
-        return _with_barriers(route, bars, nearest, note)
+        return with_barriers(route, bars, nearest, note)
 
 
 def can_stand(terrain: Terrain, survey: Survey, place: Point, cell: Cell) -> bool:
@@ -332,8 +323,9 @@ def check_route(
 ) -> Route:
     """Check the straight legs between waypoints, (n, 2): their cost, or barriers on them.
 
-    Samples are at most half a cell apart; each is judged by the heading of the survey that is
-    nearest to its leg's direction. Between two legs the vehicle turns on the spot.
+    Samples are at most half a cell apart; each is judged by the headings of the survey on both
+    sides of its leg's direction. Between two legs the vehicle turns on the spot; one that steers as
+    cars do rounds the corner where both legs are long enough, and a note says what it misses.
 
     Raises:
         RequestError: fewer than two different waypoints, or one that is outside the terrain or the
@@ -347,14 +339,25 @@ def check_route(
     places = [(float(x), float(y)) for x, y in points]
     for number, place in enumerate(places, 1):
         _cell_inside(terrain, tiles.survey, place, f"Waypoint {number}")
-    path = straight_path(terrain, tiles.survey, points)
+    line = rounded(points, tiles.survey.grid, vehicle.turning_radius)
+
+    def path_as_known() -> Path:
+        if vehicle.turning_radius and len(points) > 2:
+            return bent_path(line.corners, tiles.survey, terrain)
+        return straight_path(terrain, tiles.survey, points)
+
+    path = path_as_known()
     tiles.complete(path.row, path.column)
+    path = path_as_known()  # which of its headings is worse is known only now
     on = RouteSite.of(terrain, vehicle, tiles)
     start, goal = location_at(terrain, *places[0]), location_at(terrain, *places[-1])
-    route = Route(start, goal, False, False, Verdict.NO_GO, headings=tiles.survey.headings)
+    note = _rounding_note(line.misses, vehicle.turning_radius)
+    route = Route(
+        start, goal, False, False, Verdict.NO_GO, headings=tiles.survey.headings, note=note
+    )
     found = barriers(on, path)
     if not found:
-        return _with_way(route, path, on, not _leads_back(path, on))
+        return with_way(route, path, on, not leads_back(path, on))
     at = (found[0].place.x, found[0].place.y)
     first = int(np.flatnonzero((path.x == at[0]) & (path.y == at[1]))[0])
     before = location_at(
@@ -362,7 +365,19 @@ def check_route(
     )
     cost = driving_cost(path, tiles.survey, vehicle, on.turns, on.brakes)
     along_it = profile(path, tiles.survey, terrain, cost)
-    return replace(_with_barriers(route, found, before), profile=along_it)
+    return replace(with_barriers(route, found, before, note), profile=along_it)
+
+
+def _rounding_note(misses: NDArray[np.float64], radius: float) -> str:
+    """A sentence on rounded waypoints, and on what the way misses them by; else empty."""
+    if not misses.any():
+        return ""
+    worst = int(misses.argmax())
+    others = ", others nearer" if np.count_nonzero(misses) > 1 else ""
+    return (
+        f"Waypoints are rounded by arcs of {numbers.length(radius)}: the way passes waypoint "
+        f"{worst + 1} {numbers.length(float(misses[worst]))} beside it{others}."
+    )
 
 
 def with_way_back(route: Route, back: Route) -> Route:
@@ -475,123 +490,6 @@ def _search_tiles(
     headings = drivable(on.survey, np.s_[begin[0], begin[1]])
     starts = [(heading, *begin) for heading in np.flatnonzero(headings).tolist()]
     return cheapest_way(costs, np.array(starts, np.int64), end, ask)
-
-
-def _with_way(route: Route, path: Path, on: RouteSite, one_way: bool) -> Route:
-    """Complete a route by a way that was found: its cost, extremes, profile and verdict.
-
-    The way is one-way if its cells, and those beside them, do not lead back.
-    """
-    terrain, survey = on.terrain, on.survey
-    cost = driving_cost(path, survey, on.vehicle, on.turns, on.brakes)
-    along_it = profile(path, survey, terrain, cost)
-    steepest = find_extreme(terrain, along_it.pitch, along_it, of_size=True)
-    softest = find_extreme(terrain, along_it.sinkage, along_it)
-    tightest = find_extreme(terrain, along_it.utilisation, along_it)
-    crab = find_extreme(terrain, np.abs(along_it.crab), along_it)
-    drift = find_extreme(terrain, np.abs(along_it.drift), along_it)
-    verdict = worst_verdict(along_it.verdict)
-    chance, least_chance = _chances(path, along_it, on)
-    strays = drift is not None and drift.value > on.vehicle.max_drift
-    if (one_way or strays) and verdict == Verdict.GO:
-        verdict = Verdict.CAUTION
-    return replace(
-        route,
-        found=True,
-        verdict=verdict,
-        length=cost.length,
-        energy=cost.energy,
-        time=cost.time,
-        turning=cost.turning,
-        stop=_without_reason(find_extreme(terrain, along_it.stopping, along_it)),
-        slowest=_slowest(along_it, on),
-        load=_binding_load(path, along_it, on),
-        steepest=_without_reason(steepest),
-        softest=_without_reason(softest),
-        tightest=tightest and replace(tightest, value=1.0 - tightest.value),
-        profile=along_it,
-        one_way=one_way,
-        against=barriers(on, reversed_path(path, survey.headings)) if one_way else (),
-        chance=chance,
-        least_chance=least_chance,
-        drift=drift and replace(drift, reason=Reason.NONE),
-        crab=crab and replace(crab, reason=Reason.NONE),
-        drift_total=drift_total(along_it),
-        strays=strays,
-    )
-
-
-def _without_reason(extreme: Extreme | None) -> Extreme | None:
-    return extreme and replace(extreme, reason=Reason.NONE)
-
-
-def _slowest(along_it: RouteProfile, on: RouteSite) -> Extreme | None:
-    """The least speed along a way; None where stopping distances are not limited."""
-    if not math.isfinite(on.vehicle.stopping_distance):
-        return None
-    found = _without_reason(find_extreme(on.terrain, -along_it.speed, along_it))
-    return found and replace(found, value=-found.value)
-
-
-def _binding_load(path: Path, along_it: RouteProfile, on: RouteSite) -> Load | None:
-    """The load with the smallest margin along a way; None where loads do not differ."""
-    loads = on.survey.load
-    if loads is None or np.isnan(along_it.utilisation).all():
-        return None
-    at = int(np.nanargmax(along_it.utilisation))
-    return on.vehicle.loads[int(path.values_of(loads)[at])]
-
-
-def _chances(
-    path: Path, along_it: RouteProfile, on: RouteSite
-) -> tuple[float | None, Extreme | None]:
-    """The probability that a whole path is go, and the smallest along it; None without ranges."""
-    marked = on.tiles.samples_passing(path.judged, path.row, path.column)
-    sampled = on.tiles.uncertainty
-    if marked is None or sampled is None:
-        return None, None
-    together = np.bitwise_and.reduce(marked, axis=0)
-    counts = np.empty((len(marked) + 1, 1), np.uint32)
-    kernels.count_samples(np.concatenate([marked, together[None]])[:, None], counts)
-    shares = counts[:, 0] / sampled.samples
-    least = find_extreme(on.terrain, -shares[:-1], along_it)
-    assert least is not None
-    return float(shares[-1]), replace(least, value=-least.value, reason=Reason.NONE)
-
-
-def _leads_back(path: Path, on: RouteSite) -> bool:
-    """Whether the cells of a path, and those beside them, can be driven back to its beginning."""
-    grid = on.survey.grid
-    top, left = max(path.row.min() - 1, 0), max(path.column.min() - 1, 0)
-    own = np.zeros(
-        (min(path.row.max() + 2, grid.height) - top, min(path.column.max() + 2, grid.width) - left),
-        np.bool_,
-    )
-    rows, columns = path.row - top, path.column - left
-    for down in (-1, 0, 1):
-        for right in (-1, 0, 1):
-            own[
-                np.clip(rows + down, 0, own.shape[0] - 1),
-                np.clip(columns + right, 0, own.shape[1] - 1),
-            ] = True
-    at = np.nonzero(own)
-    survey = on.tiles.complete(at[0] + top, at[1] + left)
-    part = np.s_[top : top + own.shape[0], left : left + own.shape[1]]
-    bits = heading_bits(drivable(survey, part) & own)
-    begin = begin_at(bits, (int(rows[-1]), int(columns[-1])))
-    turns = turnable(survey, on.turns, part)
-    radius = on.vehicle.turning_radius / grid.resolution
-    back = spread(bits, survey.headings, begin, turns=turns, radius=radius)
-    return bool(back[rows[0], columns[0]])
-
-
-def _with_barriers(
-    route: Route, found: tuple[Barrier, ...], nearest: Location | None, note: str = ""
-) -> Route:
-    """Complete a route by its barriers; unknown where these are all unknown soil, else no-go."""
-    unknown = all(barrier.reason == Reason.SOIL_UNKNOWN for barrier in found)
-    verdict = Verdict.UNKNOWN if unknown else Verdict.NO_GO
-    return replace(route, verdict=verdict, barriers=found, reached=nearest, note=note)
 
 
 def _least_resistance(on: RouteSite, begin: Cell, end: Cell, bends: bool = True) -> Path:

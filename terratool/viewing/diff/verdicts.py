@@ -12,11 +12,12 @@ from terratool.definition.findings import Bounds
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid, Window
 from terratool.tasks import processors
-from terratool.traversability.assess import Request, chosen_resolution, prepare_assessment
 from terratool.traversability.map import stream_map
-from terratool.traversability.results import GroundClass
+from terratool.traversability.preparing import chosen_resolution, prepare_assessment
+from terratool.traversability.request import Request
 from terratool.traversability.route.headings import Progress
 from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.verdicts import GroundClass
 from terratool.viewing.diff.results import ComparedGrid, Flip, VerdictChange
 
 _RANKS = {
