@@ -142,6 +142,20 @@ Rows<i64, 4> pull_way(
     return pull(costs, states, rounds, both, near);
 }
 
+Rows<double, 7> pull_bent_way(
+    const Costs& costs, Matrix<const double> corners, double radius, i64 rounds, bool both, i64 near
+) {
+    constexpr IndexCheck check_index{"pull_bends"};
+    check_costs(costs, check_index);
+    for (i64 n = 0; n < corners.rows(); ++n) {
+        auto row = corners[n][0], column = corners[n][1];
+        check_index(0.0 <= row && row < double(costs.rate.rows()), "a row");
+        check_index(0.0 <= column && column < double(costs.rate.columns()), "a column");
+    }
+    check_index(radius > 0.0, "the radius");
+    return pull_bends(costs, corners, radius, rounds, both, near);
+}
+
 // Samples are marked in as many words as there are.
 void mark_samples(
     const VehicleOnSamples& on, const Stance& stance, double east, double north,
@@ -363,6 +377,12 @@ void bind_traversability(nb::module_ m) {
     def<&pull_way>(
         m, "pull", "Corners of a way pulled straight: row, column, sign of the leg, side of turn.",
         {"costs", "states[n,3]", "rounds", "both", "near"}
+    );
+    def<&pull_bent_way>(
+        m, "pull_bends",
+        "Corners of a way with arcs pulled straight: row, column, sign of the leg, and the arc's "
+        "begin and end on the legs, its radius, and whether it is the search's.",
+        {"costs", "corners[n,7]", "radius", "rounds", "both", "near"}
     );
     def<&flood>(
         m, "flood", "Spread over what can be driven; over how many states, fewer once all is done.",

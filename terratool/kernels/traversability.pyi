@@ -433,6 +433,15 @@ def pull(
     Shapes: states[n,3].
     """
 
+def pull_bends(
+    costs: Any, corners: NDArray[np.float64], radius: float, rounds: int, both: bool, near: int
+) -> NDArray[np.float64]:
+    """
+    Corners of a way with arcs pulled straight: row, column, sign of the leg, and the arc's begin and end on the legs, its radius, and whether it is the search's.
+
+    Shapes: corners[n,7].
+    """
+
 def flood(
     moves: Any,
     direction: int,
