@@ -143,6 +143,8 @@ class Figures:
         loads: what it can do with each of its loads, if these differ; other figures are then those
             of the load with which it can do least, and of energy and stopping the worst of all.
         bearing: load that the soil bears on a foot, N; None for wheels, tracks and rigid ground.
+        borne_at: depth in which a foot stands, m: its sinkage, or where the soil bears it if that
+            is deeper; None like the load that it bears.
     """
 
     surface: str
@@ -196,3 +198,4 @@ class Figures:
     speed_limit: float | None = None
     loads: LoadSpan | None = None
     bearing: float | None = None
+    borne_at: float | None = None

@@ -14,7 +14,6 @@ from terratool.definition.model import Pair, Range, Surface, ranges_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.traversability.figures import Chances
-from terratool.traversability.gear import foot_share
 from terratool.traversability.limits import climb, judge_level, level_demand, slip_limit, tip_over
 from terratool.traversability.parameters import SoilSamples, soil_table
 from terratool.traversability.soil import (
@@ -185,12 +184,7 @@ def _level_chances(name: str, draws: Draws, vehicle: Vehicle) -> Chances | None:
     soils = [soil for soil in sampled_soils(name, draws, vehicle) if soil is not None]
     if not soils:
         return None
-    verdicts = [
-        judge_level(
-            vehicle, level_demand(vehicle, soil), foot_share(vehicle, surface, soil)
-        ).verdict
-        for soil, surface in zip(soils, draws.surfaces[name], strict=True)
-    ]
+    verdicts = [judge_level(vehicle, level_demand(vehicle, soil)).verdict for soil in soils]
     slip, (_, backwards, _) = slip_limit(vehicle), tip_over(vehicle)
     tips = backwards - vehicle.margins.tip
     climbs = [

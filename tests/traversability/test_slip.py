@@ -94,7 +94,7 @@ def slip_by_statics(vehicle: Vehicle, soil: Soil, slope: float) -> float:
         return [
             bisected(
                 0.0, 1e3,
-                lambda slip: float(wheels.traction(load, under, own, slip).mobilised) < share,  # noqa: B023
+                lambda s: float(wheels.traction(load, under, own, s).mobilised) < share,  # noqa: B023
             )
             for _, own, load, under in driven
         ]  # fmt: skip
@@ -108,7 +108,7 @@ def slip_by_statics(vehicle: Vehicle, soil: Soil, slope: float) -> float:
 
     if pull(0.0) >= need:
         return 0.0
-    # as far as slips of 1 go
+    # before the pull's peak, as far as slips of 1 go
     shares = [share for share in np.linspace(0.0, 1.0, 201) if max(slips(share)) <= 1.0]
     enough = next(n for n, share in enumerate(shares) if pull(share) >= need)
     share = bisected(shares[enough - 1], shares[enough], lambda share: pull(share) < need)

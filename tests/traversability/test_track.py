@@ -15,9 +15,16 @@ from numpy.typing import NDArray
 from terratool.definition.model import Surface
 from terratool.definition.presets import PRESETS
 from terratool.traversability import track
-from terratool.traversability.limits import climb, slope_demand, tip_over, wheel_loads
+from terratool.traversability.limits import (
+    climb,
+    crab_angle,
+    slope_demand,
+    tip_over,
+    wheel_loads,
+)
 from terratool.traversability.soil import soil_under, surface_figures
 from terratool.traversability.steps import step_of
+from terratool.traversability.stopping import braking
 from terratool.traversability.turning import turn_on_spot
 from terratool.traversability.vehicle import Axle, Soil, Tracks, Vehicle, Wheel
 from terratool.traversability.verdicts import Reason
@@ -198,6 +205,45 @@ class TestKernels:
         assert math.tan(steepest.angle) == pytest.approx(0.35 / 0.4, rel=1e-3)
         assert steepest.reason == Reason.TIP_OVER
         assert (wheel_loads(vehicle, steepest.angle - 0.01) == 0.0).any()
+
+    @settings(max_examples=examples(40))
+    @given(
+        cog=st.floats(-0.25, 0.25), height=st.floats(0.1, 0.5), cohesion=st.floats(0.0, 40.0),
+        depth=st.sampled_from([0.0, 1e-3, 0.02]), modulus=st.sampled_from([0.0, 0.01, 0.04]),
+    )  # fmt: skip
+    def test_it_drives_up_to_the_climb_and_no_further(
+        self, cog: float, height: float, cohesion: float, depth: float, modulus: float
+    ) -> None:
+        """Also where much of the tracks is lifted, and holds by no cohesion any more."""
+        vehicle = tracked(cog, height, slip=0.5)
+        soil = Soil.of(cohesion, 20.0, depth, modulus)
+        angle = climb(vehicle, soil, 0.5).angle
+
+        def drives(slope: float) -> bool:
+            need = slope_demand(vehicle, soil, slope)
+            return need.drives and need.slip < 0.5
+
+        assert drives(angle - 1e-6) and not drives(angle + 1e-6)
+
+    def test_tracks_brake_with_what_holds_them(self) -> None:
+        """tan φ on rock, also with one end lifted; the sprockets' torque; up to the tip-over."""
+        rock = Soil.of(0.0, 35.0, 0.0)
+        for cog in (0.0, 0.15, -0.15):
+            assert braking(tracked(cog), rock) == pytest.approx(math.tan(math.radians(35.0)))
+        assert braking(tracked(torque=15.0), rock) == pytest.approx(300.0 / LOAD)
+        assert braking(tracked(cog=0.05, height=0.6), rock) == pytest.approx(0.3 / 0.6, rel=1e-4)
+        # c A is on top of friction, while all of the tracks touches
+        clay = Soil.of(1.0, 10.0, 0.0)
+        held = 1e3 * 2 * LENGTH * WIDTH / LOAD + math.tan(clay.friction)
+        assert braking(tracked(height=0.1), clay) == pytest.approx(held)
+
+    @pytest.mark.parametrize("angle", [3.0, 12.0, 25.0])
+    def test_tracks_slide_sideways_by_the_mean_along_them(self, angle: float) -> None:
+        """On firm ground nothing pushes ahead: m g sin β is the mean at a shear of L tan ε."""
+        soil, beta = Soil.of(0.0, 30.0, 0.0, 0.03), math.radians(angle)
+        sliding = math.tan(crab_angle(tracked(height=1e-9), soil, beta))
+        share = track.mobilised_mean(LENGTH, soil.shear_modulus, sliding)
+        assert share * math.tan(soil.friction) == pytest.approx(math.tan(beta), rel=1e-6)
 
     def test_motors_limit_the_pull_of_a_whole_track(self) -> None:
         """Two sprockets with 15 N m at 0.1 m pull 300 N, however loads are spread."""

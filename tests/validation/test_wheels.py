@@ -60,7 +60,11 @@ from tests.validation.series import (
     with_soil,
 )
 
-VEHICLES = sorted((ROOT / "samples" / "vehicles").glob("*.json"))
+VEHICLES = [
+    path
+    for path in sorted((ROOT / "samples" / "vehicles").glob("*.json"))
+    if '"wheels"' in path.read_text("utf-8")
+]
 each = pytest.mark.parametrize("series", ALL, ids=lambda one: one.name)
 
 
