@@ -47,6 +47,9 @@ _PHRASES = {
 _DRIFT, _MUCH_DRIFT = 0.05, 0.5
 """Least drift, m, that is told of a route, and that its sentence has."""
 
+_LEVEL = math.radians(0.05)
+"""Least slope of a route that is said, rad: less is shown as none."""
+
 _MUCH = 0.1
 """Difference of shares by the best and by the worst heading that is said."""
 
@@ -216,7 +219,7 @@ def along_line(route: Route) -> str:
     parts = []
     if turns := turning_share(route):
         parts.append(f"turns on the spot take {turns} of the energy")
-    if route.steepest is not None and route.steepest.value:
+    if route.steepest is not None and abs(route.steepest.value) >= _LEVEL:
         parts.append(f"steepest {pitch(route.steepest)}")
     if route.softest is not None and route.softest.value > 0.0:
         sunk = numbers.length(route.softest.value)
