@@ -406,7 +406,7 @@ def test_a_way_down_says_that_there_is_none_back(saved: Saved, tmp_path: Path) -
     (route,) = document["routes"]
     assert route["one_way"] and route["against"] and route["back"] is None
     assert document["verdict"] == route["verdict"] == "caution"
-    assert "It is one-way: " in document["sentence"]
+    assert "It is one-way: it cannot be driven back the same way" in document["sentence"]
     report = tmp_path / "r.md"
     asked = drive(*common, "--resolution", 0.2, "--headings", 8, "--return", "--report", report)
     assert asked.code == 1 and asked.out.startswith("no-go: There is a way")

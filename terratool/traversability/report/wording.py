@@ -364,11 +364,11 @@ def return_line(route: Route) -> str:
     """Sentence on driving the way back; empty where it can be, and was not asked for."""
     line = ""
     if route.one_way:
-        line = "It is one-way: it cannot be driven back the same way."
+        line = "It is one-way: it cannot be driven back the same way"
         if route.against:
             bar = route.against[0]
-            line = f"It is one-way: {because(bar.reason)} at {coordinates(bar.place)} bars the same "
-            line += "way back."
+            line += f", for {because(bar.reason)} at {coordinates(bar.place)}"
+        line += "."
     if route.back is None:
         return line
     if not route.back.found:
@@ -453,6 +453,8 @@ def slip_unknown(report: TraversabilityReport) -> str:
     """Sentence on why and where slip is not known; empty where it is."""
     if report.vehicle.model == "paper":
         return "There is no slip in the model paper."
+    if report.vehicle.feet:
+        return "Feet hold or slide; they have no slip."
     without = [one for one in report.surfaces if one.load and one.slip_curve is None]
     hard = [name(one.surface) for one in without if not one.sinkage_rate]
     soft = [name(one.surface) for one in without if one.sinkage_rate]
