@@ -1,35 +1,15 @@
 // Pulls a way straight: legs of any direction in place of chains of moves, where the ground lets
 // the vehicle drive them, for no more cost, length or caution.
 //
-// A leg leads from the middle of a cell to that of another. It is judged as a long move: at each
-// step along its longer axis by the two cells between which it passes. A leg in the direction of a
-// move has that heading; one between two headings must be drivable with both, and costs what the
-// dearer of them does.
+// A leg leads from the middle of a cell to that of another; legs.hpp judges them. Between two legs
+// the vehicle turns on the spot, or rounds the corner by an arc of its turning radius.
 #pragma once
 
-#include "routing.hpp"
+#include <numeric>
+
+#include "legs.hpp"
 
 namespace terratool::traversability {
-
-constexpr u8 CAREFUL = 4;  // a bit of a state: it is caution
-constexpr u8 BETWEEN = 8;  // a bit of a state: it leaves room for directions beside its heading
-
-// What a stretch of a way takes.
-struct Toll {
-    double cost = 0.0, length = 0.0,
-           caution = 0.0;  // metres over ground; and such that are caution
-
-    Toll& operator+=(const Toll& other) {
-        cost += other.cost, length += other.length, caution += other.caution;
-        return *this;
-    }
-    // Whether this costs less than another, and has no more length and no more caution.
-    bool better(const Toll& other) const {
-        auto slack = [](double a) { return 1e-9 * max(1.0, a); };
-        return cost < other.cost - slack(other.cost) && length <= other.length + slack(other.length)
-            && caution <= other.caution + slack(other.caution);
-    }
-};
 
 // A way of legs that is pulled straight, step by step.
 class PulledWay {
@@ -38,7 +18,7 @@ public:
     // Legs can be driven back, too, if `both`. The way goes no further at a time than past what is
     // narrower than a step of `near` cells, if that is not 0: it stays on its side of obstacles.
     PulledWay(const Costs& costs, Matrix<const i64> states, bool both, i64 near)
-        : costs_(costs), both_(both), near_(near) {
+        : costs_(costs), legs_(costs, both), near_(near) {
         const Moves& moves = costs.moves;
         for (i64 n = 0; n < states.rows(); ++n) {
             auto at = states[n];
@@ -64,14 +44,26 @@ public:
         for (i64 n = 1; n < count(); ++n) enter(n);
     }
 
+    // A way whose corners are rounded by arcs of a radius, in sides of a cell, or as the search has
+    // them. Each has row, column, how the leg to it is driven, and its `Bend`.
+    PulledWay(const Costs& costs, Matrix<const double> corners, double radius, bool both, i64 near)
+        : costs_(costs), legs_(costs, both), near_(near), radius_(radius) {
+        for (i64 n = 0; n < corners.rows(); ++n) {
+            auto at = corners[n];
+            Corner corner{{i64(at[0]), i64(at[1])}, i64(at[2])};
+            corner.bend = {at[3], at[4], at[5], at[6] != 0.0};
+            corners_.push_back(corner);
+        }
+        for (i64 n = 1; n < count(); ++n) enter(n);
+    }
+
     // Pull until nothing gets better, or so many times at most.
     void pull(int most) {
-        pulling_ = true;
         for (int round = 0; round < most; ++round) {
             bool better = false;
             for (i64 n = 1; n + 1 < count(); ++n) {
                 if (corners_[n].settled) continue;
-                bool moved = drop_from(n) || shift(n) || cut(n);
+                bool moved = drop_from(n) || merge(n) || shift(n) || cut(n);
                 better |= moved;
                 if (moved) n = max<i64>(n - 2, 0);
                 else corners_[n].settled = true;
@@ -87,9 +79,21 @@ public:
         for (i64 n = 0; n < count(); ++n) {
             const Corner& at = corners_[n];
             i64 side = 0;
-            if (n > 0 && n + 1 < count())
-                side = turn(at.cell, at.facing, corners_[n + 1].facing).side;
+            if (n > 0 && n + 1 < count()) side = turn_at(n).side;
             out.push_back({at.cell.row, at.cell.column, at.sign, side});
+        }
+        return out;
+    }
+
+    // The corners as the constructor of ways with arcs takes them.
+    Rows<double, 7> bends() const {
+        Rows<double, 7> out;
+        for (const Corner& at : corners_) {
+            const Bend& bend = at.bend;
+            out.push_back(
+                {double(at.cell.row), double(at.cell.column), double(at.sign), bend.before,
+                 bend.after, bend.radius, double(bend.searched)}
+            );
         }
         return out;
     }
@@ -100,198 +104,138 @@ private:
         i64 sign = 0;  // how the leg to it is driven
         i64 heading = 0;
         double facing = 0.0;  // where the vehicle looks on that leg, in headings
-        Toll leg{};
+        Bend bend{};
+        Toll leg{}, corner{};  // of the leg to it, and of the turn or arc at it
         bool settled = false;
-    };
-    struct Turn {
-        double cost = 0.0;
-        i64 side = 0;
-    };
-    // The two headings beside a direction, and the direction itself, in headings.
-    struct Direction {
-        i64 low, high;
-        double at;
     };
 
     static constexpr i64 FARTHEST = 32;  // corners that are left out at once
 
     const Costs& costs_;
-    bool both_, pulling_ = false;
+    Legs legs_;
     i64 near_;
+    double radius_ = 0.0;  // in sides of a cell; 0 for vehicles that turn on the spot
     std::vector<Corner> corners_;
 
     i64 count() const { return count_of(corners_); }
 
     void enter(i64 n) {
+        const Corner& from = corners_[n - 1];
         Corner& to = corners_[n];
-        to.leg = leg(corners_[n - 1].cell, to.cell, to.sign, INF);
-        to.facing = facing(corners_[n - 1].cell, to.cell, to.sign);
-    }
-
-    Direction direction(Cell from, Cell to) const {
-        i64 down = to.row - from.row, right = to.column - from.column, n = costs_.moves.headings();
-        double at = std::atan2(double(right), double(-down)) * (double(n) / (2.0 * PI));
-        if (at < 0.0) at += double(n);
-        i64 near = i64(floor(at + 0.5)) % n;
-        for (i64 heading : {near, (near + 1) % n, (near + n - 1) % n}) {
-            auto offset = costs_.moves.offsets[heading];
-            bool same =
-                down * offset[1] == right * offset[0] && down * offset[0] + right * offset[1] > 0;
-            if (same) return {heading, heading, double(heading)};
+        if (radius_ > 0.0) {
+            const Bend& bend = to.bend;
+            to.leg =
+                legs_.rest(from.cell, to.cell, to.sign, from.bend.after, bend.before, INF, true);
+            if (n + 1 < count() && bend.radius > 0.0)
+                to.corner = legs_.arc(from.cell, to.cell, corners_[n + 1].cell, to.sign, bend, INF);
+            return;
         }
-        if (abs(at - floor(at + 0.5)) < 1e-9) return {near, near, double(near)};
-        i64 low = i64(floor(at)) % n;
-        return {low, (low + 1) % n, at};
+        to.leg = legs_.leg(from.cell, to.cell, to.sign, INF, true);
+        to.facing = legs_.facing(from.cell, to.cell, to.sign);
+        if (n > 1) corners_[n - 1].corner.cost = turn_at(n - 1).cost;
     }
 
-    double facing(Cell from, Cell to, i64 sign) const {
-        double at = direction(from, to).at, n = double(costs_.moves.headings());
-        return sign > 0 ? at : std::fmod(at + 0.5 * n, n);
+    TurnAt turn_at(i64 n) const {
+        return legs_.turn(corners_[n].cell, corners_[n].facing, corners_[n + 1].facing);
     }
 
-    // What a leg takes; infinity where it cannot be driven, or costs more than `most`.
-    Toll leg(Cell from, Cell to, i64 sign, double most) const {
-        constexpr Toll none{INF, INF, INF};
-        if (!inside(to, costs_.heights)) return none;
-        i64 down = to.row - from.row, right = to.column - from.column;
-        i64 steps = max(abs(down), abs(right));
-        if (steps == 0) return none;
-        Direction towards = direction(from, to);
-        std::array<i64, 2> headings{towards.low, towards.high};
-        bool beside = towards.low != towards.high;
-        u8 wanted = beside ? ALLOWED | BETWEEN : ALLOWED;
-        struct At {
-            double rate = 0.0, height = 0.0;
-            bool careful = false, free = true;
-        };
-        auto look = [&](Cell cell, At& at) {
-            i64 row = cell.row / costs_.tile, column = cell.column / costs_.tile;
-            if (!costs_.known(row, column)) return at.free = false;
-            for (i64 k = 0; k <= i64(beside); ++k) {
-                u8 flags = costs_.flags(headings[k], cell.row, cell.column);
-                at.careful |= (flags & CAREFUL) != 0;
-                if (sign < 0 || (both_ && pulling_)) {
-                    i64 other = costs_.moves.opposite(headings[k]);
-                    flags &= costs_.flags(other, cell.row, cell.column);
-                }
-                if ((flags & wanted) != wanted) return at.free = false;
-                at.rate = max(at.rate, double(costs_.rate(headings[k], cell.row, cell.column)));
-            }
-            return true;
-        };
-        double stride =
-            costs_.resolution * sqrt(double(down * down + right * right)) / double(steps);
-        double weight = sign > 0 ? 1.0 : costs_.backward;
-        Toll toll;
-        At last;
-        for (i64 step = 0; step <= steps; ++step) {
-            // whole cells from the start, and what is left over, as a share of `steps`
-            auto part = [&](i64 whole) {
-                i64 cells = (whole * step) / steps, rest = (whole * step) % steps;
-                if (rest < 0) cells -= 1, rest += steps;
-                return std::pair{cells, rest};
-            };
-            auto [row, row_rest] = part(down);
-            auto [column, column_rest] = part(right);
-            Cell near{from.row + row, from.column + column};
-            At at;
-            if (!look(near, at)) return none;
-            at.height = double(costs_.heights(near.row, near.column));
-            if (row_rest || column_rest) {
-                Cell other{near.row + (row_rest != 0), near.column + (column_rest != 0)};
-                if (!look(other, at)) return none;
-                double share = double(max(row_rest, column_rest)) / double(steps);
-                double height = double(costs_.heights(other.row, other.column));
-                if (!isnan(height - at.height)) at.height += share * (height - at.height);
-            }
-            if (step > 0) {
-                double rise = at.height - last.height;
-                double length = isnan(rise) ? stride : sqrt(square(stride) + square(rise));
-                toll.length += length;
-                toll.cost += weight * 0.5 * length * (last.rate + at.rate);
-                toll.caution += 0.5 * length * (double(last.careful) + double(at.careful));
-                if (toll.cost > most) return none;
-            }
-            last = at;
-        }
-        return toll;
+    static Cell between(const Corner& from, const Corner& to) {
+        return {to.cell.row - from.cell.row, to.cell.column - from.cell.column};
     }
+    static double length(Cell along) { return std::hypot(double(along.row), double(along.column)); }
+    static double dot(Cell a, Cell b) { return double(a.row * b.row + a.column * b.column); }
+    static double cross(Cell a, Cell b) { return double(a.row * b.column - a.column * b.row); }
 
-    // The cheaper turn at a cell from one direction to another, in headings, which passes headings
-    // that can be driven.
-    Turn turn(Cell cell, double from, double to) const {
-        double n = double(costs_.moves.headings()), ahead = std::fmod(to - from + n, n);
-        if (min(ahead, n - ahead) < 1e-9) return {};
-        Turn right{turn_over(cell, from, from + ahead), 1};
-        Turn left{turn_over(cell, to, to + n - ahead), -1};
-        return right.cost <= left.cost ? right : left;
-    }
-
-    // What it costs to turn over an interval of directions; infinity where it cannot.
-    double turn_over(Cell cell, double low, double high) const {
-        double fixed = costs_.turn(cell.row, cell.column), run = costs_.runs(cell.row, cell.column);
-        if (!(fixed < INF)) return INF;
-        i64 n = costs_.moves.headings(), first = i64(floor(low + 1e-9));
-        i64 last = i64(ceil(high - 1e-9));
-        double cost = 0.0;
-        for (i64 heading = first; heading <= last; ++heading) {
-            u8 flags = costs_.flags(heading % n, cell.row, cell.column);
-            if (!(flags & ALLOWED)) return INF;
-            if (heading == last) break;
-            double share = min(high, double(heading + 1)) - max(low, double(heading));
-            double mean = 0.5
-                * (double(costs_.rate(heading % n, cell.row, cell.column))
-                   + double(costs_.rate((heading + 1) % n, cell.row, cell.column)));
-            cost += share * (fixed + run * mean);
-        }
-        return cost;
-    }
-
-    double turn_at(i64 n) const {
-        if (n <= 0 || n + 1 >= count()) return 0.0;
-        return turn(corners_[n].cell, corners_[n].facing, corners_[n + 1].facing).cost;
+    // Round a corner by the radius, or change gear there, if that is possible. Metres that it adds
+    // to the legs to it and from it; NaN where it is not possible.
+    double round(const Corner& before, Corner& at, const Corner& after) const {
+        constexpr double never = std::numeric_limits<double>::quiet_NaN();
+        Cell in = between(before, at), out = between(at, after);
+        double sine = abs(cross(in, out)), cosine = dot(in, out);
+        at.bend = {}, at.corner = {};
+        if (at.sign != after.sign) return sine == 0.0 && cosine < 0.0 ? 0.0 : never;
+        if (sine == 0.0) return cosine > 0.0 ? 0.0 : never;
+        double angle = std::atan2(sine, cosine), tangent = radius_ * std::tan(0.5 * angle);
+        if (tangent > min(length(in), length(out))) return never;
+        at.bend = {tangent, tangent, radius_};
+        return costs_.resolution * (radius_ * angle - 2.0 * tangent);
     }
 
     // Put corners in place of those between `first` and `last`, if that is better.
     template <std::size_t size>
     bool replace(i64 first, i64 last, const std::array<Cell, size>& cells) {
+        bool bends = radius_ > 0.0, comes = first > 0, goes_on = last + 1 < count();
         Toll old;
         for (i64 n = first + 1; n <= last; ++n) old += corners_[n].leg;
-        for (i64 n = first; n <= last; ++n) old.cost += turn_at(n);
+        for (i64 n = first; n <= last; ++n) old += corners_[n].corner;
+        // arcs at both ends take from the legs before and after
+        if (bends && comes) old += corners_[first].leg;
+        if (bends && goes_on) old += corners_[last + 1].leg;
+        // one before, those from `first` to `last` as they would be, and the next one
+        std::array<Corner, size + 4> made;
+        const std::size_t begin = 1, end = size + 2;
+        if (comes) made[0] = corners_[first - 1];
+        made[begin] = corners_[first];
+        if (goes_on) made[end + 1] = corners_[last + 1];
         // what is longer as seen from above is longer over ground, too, or not worth a look
         double seen = 0.0;
-        for (std::size_t k = 0; k <= size; ++k) {
-            Cell from = k ? cells[k - 1] : corners_[first].cell;
-            Cell to = k < size ? cells[k] : corners_[last].cell;
-            seen += std::hypot(double(to.row - from.row), double(to.column - from.column));
-        }
-        if (costs_.resolution * seen > old.length * (1.0 + 1e-9)) return false;
-        i64 sign = corners_[last].sign;
-        Toll found;
-        std::array<Corner, size + 1> made;
-        for (std::size_t k = 0; k <= size; ++k) {
+        for (std::size_t k = begin + 1; k <= end; ++k) {
             Corner& to = made[k];
-            to.cell = k < size ? cells[k] : corners_[last].cell;
-            to.sign = k == 0 && size > 0 ? corners_[first + 1].sign : sign;
-            Cell from = k ? made[k - 1].cell : corners_[first].cell;
-            to.leg = leg(from, to.cell, to.sign, old.cost - found.cost);
+            if (k < end) to.cell = cells[k - begin - 1];
+            else to = corners_[last];
+            to.sign = corners_[k == begin + 1 && size > 0 ? first + 1 : last].sign;
+            seen += costs_.resolution * length(between(made[k - 1], to));
+        }
+        if (bends) {
+            if (comes)
+                seen += costs_.resolution
+                    * (length(between(made[0], made[begin])) - made[0].bend.after);
+            if (goes_on)
+                seen += costs_.resolution
+                    * (length(between(made[end], made[end + 1])) - made[end + 1].bend.before);
+            for (std::size_t k = begin; k <= end; ++k)
+                if ((k > begin || comes) && (k < end || goes_on))
+                    seen += round(made[k - 1], made[k], made[k + 1]);
+        }
+        if (!(seen <= old.length * (1.0 + 1e-9))) return false;
+        Toll found;
+        for (std::size_t k = bends && comes ? begin : begin + 1; k <= end + (bends && goes_on);
+             ++k) {
+            const Corner& from = made[k - 1];
+            Corner& to = made[k];
+            double most = old.cost - found.cost;
+            if (bends)
+                to.leg =
+                    legs_.rest(from.cell, to.cell, to.sign, from.bend.after, to.bend.before, most);
+            else {
+                to.leg = legs_.leg(from.cell, to.cell, to.sign, most);
+                to.facing = legs_.facing(from.cell, to.cell, to.sign);
+            }
             found += to.leg;
             if (!(found.cost < old.cost)) return false;
-            to.facing = facing(from, to.cell, to.sign);
-            if (k) found.cost += turn(from, made[k - 1].facing, to.facing).cost;
         }
-        if (first > 0)
-            found.cost += turn(corners_[first].cell, corners_[first].facing, made[0].facing).cost;
-        if (last + 1 < count()) {
-            double next = corners_[last + 1].facing;
-            found.cost += turn(corners_[last].cell, made[size].facing, next).cost;
+        for (std::size_t k = begin; k <= end; ++k) {
+            if ((k == begin && !comes) || (k == end && !goes_on)) continue;
+            Corner& at = made[k];
+            const Corner& next = made[k + 1];
+            if (!bends) at.corner.cost = legs_.turn(at.cell, at.facing, next.facing).cost;
+            else if (at.bend.radius > 0.0)
+                at.corner = legs_.arc(
+                    made[k - 1].cell, at.cell, next.cell, at.sign, at.bend, old.cost - found.cost
+                );
+            found += at.corner;
+            if (!(found.cost < old.cost)) return false;
         }
         if (!found.better(old)) return false;
-        auto begin = corners_.begin();
-        corners_.erase(begin + first + 1, begin + last + 1);
-        corners_.insert(corners_.begin() + first + 1, made.begin(), made.end());
-        i64 end = min(count(), first + i64(size) + 4);
-        for (i64 n = max<i64>(first - 1, 0); n < end; ++n) corners_[n].settled = false;
+        corners_[first] = made[begin];
+        if (goes_on) corners_[last + 1] = made[end + 1];
+        auto at = corners_.begin() + first + 1;
+        corners_.erase(at, corners_.begin() + last + 1);
+        corners_.insert(
+            corners_.begin() + first + 1, made.begin() + begin + 1, made.begin() + end + 1
+        );
+        i64 stop = min(count(), first + i64(size) + 4);
+        for (i64 n = max<i64>(first - 1, 0); n < stop; ++n) corners_[n].settled = false;
         return true;
     }
 
@@ -302,14 +246,12 @@ private:
 
     // Whether a way straight past a corner would go no further than it may at a time.
     bool passes_near(i64 n) const {
-        Cell at = corners_[n].cell, before = corners_[n - 1].cell, next = corners_[n + 1].cell;
-        auto cross = [](Cell a, Cell b) { return double(a.row * b.column - a.column * b.row); };
-        auto less = [](Cell a, Cell b) { return Cell{a.row - b.row, a.column - b.column}; };
-        Cell base = less(next, before);
-        double length = sqrt(double(square(base.row) + square(base.column)));
-        double height = abs(cross(base, less(at, before))) / max(length, 1.0);
+        const Corner& before = corners_[n - 1];
+        Cell at = corners_[n].cell, next = corners_[n + 1].cell;
+        Cell base = between(before, corners_[n + 1]);
+        double height = abs(cross(base, between(before, corners_[n]))) / max(length(base), 1.0);
         return height <= double(near_)
-            && min(apart(at, before), apart(at, next)) <= apart(before, next);
+            && min(apart(at, before.cell), apart(at, next)) <= apart(before.cell, next);
     }
 
     // Leave out a corner, with as many after it as can be.
@@ -325,14 +267,61 @@ private:
         return false;
     }
 
+    // Put one corner where the legs before and after several meet, of vehicles that bend.
+    bool merge(i64 n) {
+        if (!(radius_ > 0.0)) return false;
+        for (i64 more = near_ ? 1 : FARTHEST; more > 0; more /= 2) {
+            i64 last = n + more;
+            if (last + 1 >= count()) continue;
+            bool alike = true;
+            for (i64 k = n; k <= last; ++k) alike &= corners_[k].sign == corners_[k + 1].sign;
+            Cell in = between(corners_[n - 1], corners_[n]);
+            Cell out = between(corners_[last], corners_[last + 1]);
+            double sine = cross(in, out);
+            if (!alike || sine == 0.0) continue;
+            double ahead = cross(between(corners_[n], corners_[last]), out) / sine;
+            Cell at = corners_[n].cell;
+            Cell meet{
+                at.row + i64(std::llround(ahead * double(in.row))),
+                at.column + i64(std::llround(ahead * double(in.column)))
+            };
+            if (near_ && max(apart(meet, at), apart(meet, corners_[last].cell)) > near_) continue;
+            for (i64 down : {0, -1, 1})
+                for (i64 right : {0, -1, 1})
+                    if (replace(
+                            n - 1, last + 1, std::array{Cell{meet.row + down, meet.column + right}}
+                        ))
+                        return true;
+        }
+        return false;
+    }
+
+    // Move a corner along one of its legs by so many cells, which keeps that leg's direction.
+    bool slide(i64 n, i64 by) {
+        for (const Cell& along :
+             {between(corners_[n - 1], corners_[n]), between(corners_[n], corners_[n + 1])}) {
+            i64 parts = std::gcd(abs(along.row), abs(along.column));
+            Cell least{along.row / parts, along.column / parts}, at = corners_[n].cell;
+            i64 times = max<i64>(1, by / max(abs(least.row), abs(least.column)));
+            for (i64 sign : {-times, times}) {
+                Cell to{at.row + sign * least.row, at.column + sign * least.column};
+                if (replace(n - 1, n + 1, std::array{to})) return true;
+            }
+        }
+        return false;
+    }
+
     // Move a corner by far or by near, or the leg from it to the next one.
     bool shift(i64 n) {
+        if (corners_[n].bend.searched && replace(n - 1, n + 1, std::array{corners_[n].cell}))
+            return true;
         Cell at = corners_[n].cell, next = corners_[n + 1].cell;
         i64 room = min(apart(at, corners_[n - 1].cell), apart(at, next));
         bool slides = n + 2 < count() && corners_[n].sign == corners_[n + 1].sign
             && corners_[n].sign == corners_[n + 2].sign;
         i64 step = i64(std::bit_floor(u64(max<i64>(1, near_ ? min(room, near_) : room))));
         for (; step > 0; step /= 2) {
+            if (radius_ > 0.0 && slide(n, step)) return true;
             for (i64 down : {-step, i64(0), step}) {
                 for (i64 right : {-step, i64(0), step}) {
                     if (!down && !right) continue;
@@ -365,6 +354,15 @@ private:
         return false;
     }
 };
+
+// Pull a way with arcs straight; see `PulledWay`.
+inline Rows<double, 7> pull_bends(
+    const Costs& costs, Matrix<const double> corners, double radius, i64 rounds, bool both, i64 near
+) {
+    PulledWay way(costs, corners, radius, both, near);
+    way.pull(int(rounds));
+    return way.bends();
+}
 
 // Pull a way straight; see `PulledWay`.
 inline Rows<i64, 4> pull(

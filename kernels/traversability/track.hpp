@@ -52,15 +52,20 @@ inline double mean_mobilised(double x) {
     return x < INF ? 1.0 + std::expm1(-x) / x : 1.0;
 }
 
+// How much of that an x more mobilises.
+inline double mean_growth(double x) {
+    if (x < 1e-3) return 0.5 - x / 3.0;
+    double fall = std::expm1(-x);
+    return (-fall - x * (1.0 + fall)) / (x * x);
+}
+
 // x that mobilises a share below 1 so.
 inline double mean_shear(double share) {
     if (share <= 0.0) return 0.0;
     if (share < 1e-4) return 2.0 * share * (1.0 + share * (2.0 / 3.0));
     double x = share * (2.0 - share) / (1.0 - share);  // right at both ends
     for (int n = 0; n < 5; ++n) {                      // Newton
-        double fall = std::expm1(-x);
-        double slope = (-fall - x * (1.0 + fall)) / (x * x);
-        x = max(x - (1.0 + fall / x - share) / slope, 0.5 * x);
+        x = max(x - (mean_mobilised(x) - share) / mean_growth(x), 0.5 * x);
     }
     return x;
 }

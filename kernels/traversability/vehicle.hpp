@@ -184,26 +184,6 @@ inline bool load_tracks(
     return tips;
 }
 
-// Let the wheels bear these loads; sections of tracks take what of their tracks' that is.
-inline void give_loads(LoadedWheels wheels, const Layout& layout, In loads) {
-    for (std::size_t n = 0; n < loads.size(); ++n) wheels[n].load = loads[n];
-    const TrackPair& t = layout.tracks;
-    if (!(t.length > 0.0)) return;
-    i64 sections = count_of(wheels) / 2;
-    for (i64 side = 0; side < 2; ++side) {
-        double total = 0.0, e = 0.0;
-        for (i64 n = side; n < count_of(wheels); n += 2) {
-            total += wheels[n].load;
-            e += wheels[n].load * t.length * (0.5 - (double(n / 2) + 0.5) / double(sections));
-        }
-        for (i64 n = side; n < count_of(wheels) && total > 0.0; n += 2) {
-            wheels[n].part = wheels[n].load / total;
-            wheels[n].touching = pressed_length(t.length, e / total) / t.length;
-            wheels[n].wheel.max_torque = layout.wheels.max_torque[n] * wheels[n].part;
-        }
-    }
-}
-
 // Let the wheels bear a weight; whether one would be pulled up.
 // Such a wheel bears nothing, and the others as much as there is.
 inline bool load_wheels(
@@ -293,10 +273,13 @@ inline double depth_of(LoadedWheels wheels, i64 n) {
     return depth;
 }
 
-// The largest part of its radius that a wheel sinks in.
-inline double deepest_share(LoadedWheels wheels) {
+// The largest part of its radius that a wheel sinks in, as it slips or at rest.
+inline double deepest_share(LoadedWheels wheels, bool slips = true) {
     double most = 0.0;
-    for (const LoadedWheel& f : wheels) most = max(most, f.below() / f.wheel.radius);
+    for (const LoadedWheel& f : wheels) {
+        double less = slips ? 0.0 : f.sinkage - f.rest;
+        most = max(most, (f.below() - less) / f.wheel.radius);
+    }
     return most;
 }
 
@@ -368,7 +351,7 @@ inline double common_share(LoadedWheels wheels, double pull, bool motors) {
     double low = 0.0, high = 1.0, under = lacking(low);
     if (under <= 0.0) return 0.0;
     double over = lacking(high);
-    if (over <= 0.0 && deepest_share(wheels) >= 1.0) return 1.0;  // there the model ends
+    if (over <= 0.0 && deepest_share(wheels, false) >= 1.0) return 1.0;  // the model ends
     for (int n = 0; n < doublings && over > 0.0; ++n) {
         low = high, under = over;
         high *= 2.0, over = lacking(high);
@@ -542,6 +525,27 @@ inline Reserve cross_reserve(
     sink_wheels(wheels);
     if (deepest_share(wheels) >= 1.0) return {-INF, Reason::SINKAGE};
     return {held(wheels) + weight * g.left, Reason::SIDE_SLIP};
+}
+
+// What brakes a vehicle on the level, as a share of its weight: the largest force with which no
+// wheel lifts and that the driven ones hold, each as its ground and its motor let it. It presses
+// the vehicle ahead.
+inline double braking(const Layout& layout, double weight, const Soils& soil) {
+    auto wheels = wheels_on(layout, soil);
+    auto holds = [&](double share) {
+        if (load_wheels(wheels, layout, weight, {share, 0.0, 1.0})) return false;
+        sink_wheels(wheels);
+        double total = 0.0;
+        for (const LoadedWheel& f : wheels)
+            if (f.driven) total += min(f.contact.grip, f.wheel.max_torque / f.contact.arm);
+        return total >= share * weight;
+    };
+    double low = 0.0, high = 4.0;
+    for (int n = 0; n < 50; ++n) {
+        double middle = 0.5 * (low + high);
+        (holds(middle) ? low : high) = middle;
+    }
+    return low;
 }
 
 struct Slope {

@@ -347,7 +347,7 @@ class SlopeDemand(NamedTuple):
         slip: slip of a wheel; 0 where it is not known.
         sinkage: sinkage of a wheel, m.
         depth: sinkage of a wheel as a share of its radius.
-        lifts: whether any wheel bears no load.
+        lifts: whether any wheel bears no load; tracks lift where they tip over.
         energy: energy of all wheels for a metre of ground, J.
     """
 
@@ -375,11 +375,13 @@ def slope_demand(vehicle: Vehicle, soil: Soil, slope: float = 0.0) -> SlopeDeman
     layout = wheel_layout(vehicle)
     loads = kernels.wheel_loads(layout, vehicle.weight, slope, 0.0)
     sinkage, push = np.empty_like(loads), vehicle.weight * math.sin(slope)
-    need = kernels.drive(layout, loads, under_wheels(soil), push, sinkage)
+    need = kernels.drive(layout, vehicle.weight, slope, under_wheels(soil), push, sinkage)
+    tracks = layout.tracks
+    tips = abs(tracks.height * math.tan(slope) + tracks.middle) >= 0.5 * tracks.length
     return SlopeDemand(
         need["torque"], need["torque_used"], need["utilisation"], need["slip"],
         float(sinkage.max()), float(np.max(sinkage / layout.wheels.radius)),
-        bool((loads <= 0.0).any()), need["power"],
+        tips if tracks.length else bool((loads <= 0.0).any()), need["power"],
     )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import msgspec
 import numpy as np
@@ -25,7 +25,7 @@ from terratool.traversability.soil import (
 from terratool.traversability.steps import step_of
 from terratool.traversability.vehicle import Soil, Vehicle
 from terratool.traversability.verdicts import Verdict
-from terratool.traversability.wheel import under_wheels
+from terratool.traversability.wheel import soil_numbers
 
 SAMPLES = 256
 """Default number of samples."""
@@ -144,9 +144,7 @@ def soil_samples(terrain: Terrain, vehicle: Vehicle, draws: Draws) -> SoilSample
         found = [soil for soil in sampled_soils(name, draws, vehicle) if soil is not None]
         if not found:
             continue
-        members = np.array(
-            [np.concatenate(under_wheels(replace(one, factors=None))) for one in found]
-        )
+        members = np.array([soil_numbers(one) for one in found])
         highest = _steps(vehicle, [step_friction(vehicle, one) for one in found])
         for table, values in zip(tables, (*members.T, highest), strict=True):
             table[:, id_] = values

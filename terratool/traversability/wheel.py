@@ -69,13 +69,17 @@ def flatten_soils(
     return shape, soils, others
 
 
-def under_wheels(soil: Soil) -> SoilArrays:
-    """A soil of numbers as arrays of one, or of one for each wheel if it has factors."""
-    numbers = (
+def soil_numbers(soil: Soil) -> tuple[float, ...]:
+    """Figures of a soil of numbers in the order of `SoilArrays`, without factors of k."""
+    return (
         soil.cohesion, math.tan(soil.friction), soil.sinkage, soil.shear_modulus, soil.rolling,
         soil.exponent,
     )  # fmt: skip
-    columns = np.array(numbers, np.float64)[:, None]
+
+
+def under_wheels(soil: Soil) -> SoilArrays:
+    """A soil of numbers as arrays of one, or of one for each wheel if it has factors."""
+    columns = np.array(soil_numbers(soil), np.float64)[:, None]
     if soil.factors is not None:
         columns = np.repeat(columns, len(soil.factors), axis=1)
         columns[2] *= soil.factors

@@ -21,9 +21,10 @@ from terratool.traversability.judge import Judge
 from terratool.traversability.map import map_bands
 from terratool.traversability.map_files import CHANCE, FOOTHOLD, NUMBERS, further_bands
 from terratool.traversability.soil import surface_figures
+from terratool.traversability.stopping import braking
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.track import plate_sinkage
-from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle import Soil, Vehicle
 from terratool.traversability.vehicle_files import vehicle_of
 from terratool.traversability.verdicts import COLORS, GroundClass, Reason, Verdict
 from terratool.viewing.layers import layer_picture
@@ -122,6 +123,14 @@ class TestFormulas:
             assert foot.borne_at(*changed, DISC) < usual
         assert foot.borne_at(LOAD, 1e3, 0.5, 15e3, 1.5 * DISC) < usual
         assert foot.borne_at(1.0, 1e3, 0.5, 15e3, DISC) == 0.0
+
+    def test_feet_brake_with_what_holds_them(self) -> None:
+        """tan φ, and c A of the two feet that bear it, until it tips over them: 0.3/0.3 m."""
+        rock, clay = Soil.of(0.0, 35.0, 0.0), Soil.of(5.0, 20.0, 0.0)
+        assert braking(walker(), rock) == pytest.approx(math.tan(math.radians(35.0)))
+        held = 5e3 * foot.disc_area(DISC) / LOAD + math.tan(math.radians(20.0))
+        assert braking(walker(), clay) == pytest.approx(held)
+        assert braking(walker(), Soil.of(0.0, 48.0, 0.0)) == pytest.approx(1.0)
 
     def test_factors_of_vesic(self) -> None:
         """His table: φ 0, 20 and 30 degrees."""
@@ -248,7 +257,7 @@ class TestFootholds:
         assert len(numbers[0]) == len(numbers[1]) + 1 == len(NUMBERS.names) + 1
         wanted = 1.0 - 0.3 / math.tan(math.radians(38))
         assert numbers[0][-1] == pytest.approx(wanted, rel=1e-3)
-        assert further_bands(True, True) == (FOOTHOLD, CHANCE)
+        assert further_bands(walks=True, sampled=True) == (FOOTHOLD, CHANCE)
 
     def test_the_layer_shows_the_margin(self) -> None:
         """The brighter, the more is in reserve; a wall is in the colour of no-go."""

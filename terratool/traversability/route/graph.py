@@ -53,7 +53,7 @@ ALLOWED, BACKING = 1, 2
 CAREFUL, BETWEEN = 4, 8
 """Bits of a state for `pulled`: it is caution, and it leaves room for directions beside it."""
 
-_ROUNDS = 64
+ROUNDS = 64
 """Most rounds in which a way is pulled straight."""
 
 _BELOW = 1.0 - 1e-6
@@ -253,6 +253,9 @@ class Arc(NamedTuple):
 
     Attributes:
         offset: rows and columns to the cell that it leads to.
+        corner: rows and columns to the cell at which its tangents meet.
+        legs: lengths of these from both its ends to there, in sides of a cell.
+        wide: its radius, likewise.
         length: length, in sides of a cell.
         places: (n, 2) float64 rows and columns along it, less than a tenth of a cell apart.
         directions: (n,) float64 direction at each, degrees clockwise from north.
@@ -260,6 +263,9 @@ class Arc(NamedTuple):
     """
 
     offset: Offset
+    corner: Offset
+    legs: tuple[float, float]
+    wide: float
     length: float
     places: NDArray[np.float64]
     directions: NDArray[np.float64]
@@ -302,7 +308,11 @@ def arc_of(begin: Offset, end: Offset, radius: float) -> Arc:
     near = [np.round(places + aside_) for aside_ in (-1e-6, 1e-6)]
     cells = np.unique(np.concatenate([*near, [[0.0, 0.0], offset]]).astype(np.int64), axis=0)
     row, column = offset.astype(int).tolist()
-    return Arc((row, column), length, places, directions, cells)
+    down, right = (counts[0] * ways[0]).astype(int).tolist()
+    before, after = legs.tolist()
+    return Arc(
+        (row, column), (down, right), (before, after), wide, length, places, directions, cells
+    )
 
 
 def heading_offsets(headings: int) -> tuple[Offset, ...]:
@@ -502,7 +512,13 @@ def pulled(
         For each corner its cell, how the leg to it is driven (1 ahead, −1 backwards, 0 for the
         start), and to which side the vehicle turns there (1 clockwise, −1, 0 for no turn).
     """
-    looked_at = np.zeros_like(costs.known)
+    known = replace(costs, known=looked_at(costs, found))
+    return kernels.pull(known, found.states, ROUNDS, both, near)
+
+
+def looked_at(costs: Costs, found: SearchResult) -> NDArray[np.bool_]:
+    """Tiles, (rows, columns) bool, that a search has looked at."""
+    tiles = np.zeros_like(costs.known)
     rows, columns = np.nonzero(found.reached)
-    looked_at[rows // costs.tile, columns // costs.tile] = True
-    return kernels.pull(replace(costs, known=looked_at), found.states, _ROUNDS, both, near)
+    tiles[rows // costs.tile, columns // costs.tile] = True
+    return tiles

@@ -24,7 +24,6 @@ from terratool.report.numbers import coordinates
 from terratool.traversability.map_results import Survey
 from terratool.traversability.route.drifting import drift_along
 from terratool.traversability.route.graph import (
-    arc_of,
     cells_between,
     drivable,
     heading_offsets,
@@ -102,14 +101,11 @@ class DrivingCost:
     stopping: NDArray[np.float64]
 
 
-def graph_path(states: NDArray[np.int64], survey: Survey, radius: float = 0.0) -> Path:
+def graph_path(states: NDArray[np.int64], survey: Survey) -> Path:
     """The samples of states, (n, 3), in order, and of the cells that moves pass.
 
-    Where a move passes between two cells, a cell that cannot be driven is the sample, if any. Moves
-    that change the heading are arcs of the `radius`, in sides of a cell, or more.
+    Where a move passes between two cells, a cell that cannot be driven is the sample, if any.
     """
-    if radius:
-        return _bent_path(states, survey, radius)
     towards = heading_offsets(survey.headings)
 
     def is_drivable(heading: int, cell: tuple[int, int]) -> bool:
@@ -139,49 +135,6 @@ def graph_path(states: NDArray[np.int64], survey: Survey, radius: float = 0.0) -
     y = grid.bounds[3] - (exact[:, 0] + 0.5) * grid.resolution
     height = survey.heights[rows, columns].astype(np.float64)
     direction = headings * (360.0 / survey.headings)
-    return Path(x, y, height, rows, columns, headings, judgements, direction)
-
-
-def _bent_path(states: NDArray[np.int64], survey: Survey, radius: float) -> Path:
-    """The samples of states, (n, 3), between which lie straight moves and arcs of a radius."""
-    count, offsets = survey.headings, heading_offsets(survey.headings)
-    heading, row, column = states[0].tolist()
-    own = _move_directions(count)
-    parts = [np.array([[row, column, row, column, heading, heading, own[heading], 0.0]])]
-    for (heading, row, column), (to, to_row, to_column) in pairwise(states.tolist()):
-        move = np.array([to_row - row, to_column - column])
-        if to == heading:
-            back = tuple(move.tolist()) != offsets[heading]
-            shares = np.linspace(0.0, 1.0, int(np.abs(move).max()) + 1)[1:]
-            places = shares[:, None] * move
-            directions = np.full(len(shares), own[heading])
-        else:
-            arc = arc_of(offsets[heading], offsets[to], radius)
-            back = tuple(move.tolist()) != arc.offset
-            chosen = np.linspace(0, len(arc.places) - 1, math.ceil(arc.length) + 1)
-            at = np.round(chosen).astype(np.int64)[1:]
-            places, directions = arc.places[at] * (-1.0 if back else 1.0), arc.directions[at]
-            shares = at / (len(arc.places) - 1)
-        exact = places + np.array([row, column])
-        cells = np.round(exact).astype(np.int64)
-        options = np.empty((len(cells), 2, 3), np.int64)
-        options[:, :, 0] = (np.array([heading, to]) + count // 2 * back) % count
-        options[:, :, 1:] = cells[:, None]
-        judged = _worst_of(options, survey)[:, 0]
-        facing = np.where(np.arange(len(cells)) < len(cells) / 2, heading, to)
-        facing[-1] = to
-        parts.append(np.column_stack([exact, cells, facing, judged, directions, shares]))
-    samples = np.concatenate(parts)
-    exact, whole, (direction, share) = samples[:, :2], samples[:, 2:6], samples[:, 6:].T
-    rows, columns, headings, judgements = whole.astype(np.int64).T
-    # heights rise evenly from state to state
-    ended = np.r_[0, np.flatnonzero(share >= 1.0)]
-    known = survey.heights[rows[ended], columns[ended]].astype(np.float64)
-    moves = np.cumsum(share >= 1.0) + np.where(share < 1.0, share, 0.0)
-    height = np.interp(moves, np.arange(len(known)), known)
-    grid = survey.grid
-    x = grid.west + (exact[:, 1] + 0.5) * grid.resolution
-    y = grid.bounds[3] - (exact[:, 0] + 0.5) * grid.resolution
     return Path(x, y, height, rows, columns, headings, judgements, direction)
 
 
@@ -252,7 +205,7 @@ def legs_path(legs: Sequence[Leg], survey: Survey) -> Path:
         options = np.empty((len(leg.x), 2 * wide, 3), np.int64)
         options[:, :, 0] = np.repeat(beside, wide)
         options[:, :, 1:] = np.tile(cells, (1, 2, 1))
-        chosen = _worst_of(options, survey)
+        chosen = worst_of(options, survey)
         nearest = round(leg.facing / step) % count
         if n:
             cell = parts[-1][-1, 2:4]
@@ -263,7 +216,7 @@ def legs_path(legs: Sequence[Leg], survey: Survey) -> Path:
                 parts.append(np.array([[*place, heading, heading, at]]))
             own = np.array(headings_beside(leg.facing, count))
             there = np.column_stack([own, np.broadcast_to(cell, (2, 2)).astype(np.int64)])
-            judged = _worst_of(there[None], survey)[0, 0]
+            judged = worst_of(there[None], survey)[0, 0]
             if legs[n - 1].facing != leg.facing:
                 parts.append(np.array([[*place, nearest, judged, leg.facing]]))
         first = 1 if n else 0
@@ -293,7 +246,7 @@ def _turned(before: float, after: float, side: int, step: float) -> list[float]:
     return found
 
 
-def _worst_of(options: NDArray[np.int64], survey: Survey) -> NDArray[np.int64]:
+def worst_of(options: NDArray[np.int64], survey: Survey) -> NDArray[np.int64]:
     """The worst of states, (n, k, 3) heading, row and column: (n, 3).
 
     It is one that cannot be driven, or has the worst verdict, or of equal ones the least margin.

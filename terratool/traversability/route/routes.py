@@ -14,6 +14,7 @@ from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.raster.grid import Grid, grid_over
+from terratool.report import numbers
 from terratool.report.numbers import coordinates
 from terratool.traversability.fineness import coarsest_resolution
 from terratool.traversability.map_results import HEADINGS, Survey
@@ -24,6 +25,13 @@ from terratool.traversability.route.barriers import (
     RouteSite,
     barriers,
     blockage_at,
+)
+from terratool.traversability.route.bends import (
+    bent_path,
+    corners_of,
+    pulled_corners,
+    reversed_corners,
+    rounded,
 )
 from terratool.traversability.route.graph import (
     ALLOWED,
@@ -237,15 +245,15 @@ class RouteSearch:
         return self.found is not None and len(self.found.states) > 0 and self.stands[1]
 
     def _way(self, route: Route) -> Route:
-        """Complete a route by the way that was found, pulled straight unless it has arcs.
+        """Complete a route by the way that was found, pulled straight.
 
         It is one-way only if the chain of moves is, too.
         """
         assert self.found is not None and self.costs is not None
         survey, radius = self.on.survey, self.on.vehicle.turning_radius
-        chain = graph_path(self.found.states, survey, radius / survey.grid.resolution)
-        if radius:
-            return with_way(route, chain, self.on, not leads_back(chain, self.on))
+        chain = _chain(self.found.states, survey, radius / survey.grid.resolution)
+        if radius and len(self.found.states) > 1:
+            return self._bent_way(route, chain)
         for both in (False, True):
             corners = pulled(self.costs, self.found, both, self.near)
             path = pulled_path(corners, survey) if len(corners) > 1 else chain
@@ -257,6 +265,23 @@ class RouteSearch:
             if not found.strays:
                 return found
         return with_way(route, chain, self.on, not leads_back(chain, self.on))
+
+    def _bent_way(self, route: Route, chain: Path) -> Route:
+        """Complete a route of a vehicle that bends, as `_way` does."""
+        assert self.found is not None and self.costs is not None
+        survey = self.on.survey
+        radius = self.on.vehicle.turning_radius / survey.grid.resolution
+        chain_leads_back = leads_back(chain, self.on)
+        for both in (False, True):
+            corners = pulled_corners(self.costs, self.found, radius, both, self.near)
+            back = bent_path(reversed_corners(corners), survey)
+            one_way = not np.all(back.values_of(drivable(survey)))
+            if one_way and chain_leads_back:
+                continue
+            found = with_way(route, bent_path(corners, survey), self.on, one_way)
+            if not found.strays:
+                return found
+        return with_way(route, chain, self.on, not chain_leads_back)
 
     def route(self) -> Route:
         """The route with its way, or with barriers, which take a second search."""
@@ -298,8 +323,9 @@ def check_route(
 ) -> Route:
     """Check the straight legs between waypoints, (n, 2): their cost, or barriers on them.
 
-    Samples are at most half a cell apart; each is judged by the heading of the survey that is
-    nearest to its leg's direction. Between two legs the vehicle turns on the spot.
+    Samples are at most half a cell apart; each is judged by the headings of the survey on both
+    sides of its leg's direction. Between two legs the vehicle turns on the spot; one that steers as
+    cars do rounds the corner where both legs are long enough, and a note says what it misses.
 
     Raises:
         RequestError: fewer than two different waypoints, or one that is outside the terrain or the
@@ -313,11 +339,22 @@ def check_route(
     places = [(float(x), float(y)) for x, y in points]
     for number, place in enumerate(places, 1):
         _cell_inside(terrain, tiles.survey, place, f"Waypoint {number}")
-    path = straight_path(terrain, tiles.survey, points)
+    line = rounded(points, tiles.survey.grid, vehicle.turning_radius)
+
+    def path_as_known() -> Path:
+        if vehicle.turning_radius and len(points) > 2:
+            return bent_path(line.corners, tiles.survey, terrain)
+        return straight_path(terrain, tiles.survey, points)
+
+    path = path_as_known()
     tiles.complete(path.row, path.column)
+    path = path_as_known()  # which of its headings is worse is known only now
     on = RouteSite.of(terrain, vehicle, tiles)
     start, goal = location_at(terrain, *places[0]), location_at(terrain, *places[-1])
-    route = Route(start, goal, False, False, Verdict.NO_GO, headings=tiles.survey.headings)
+    note = _rounding_note(line.misses, vehicle.turning_radius)
+    route = Route(
+        start, goal, False, False, Verdict.NO_GO, headings=tiles.survey.headings, note=note
+    )
     found = barriers(on, path)
     if not found:
         return with_way(route, path, on, not leads_back(path, on))
@@ -328,7 +365,19 @@ def check_route(
     )
     cost = driving_cost(path, tiles.survey, vehicle, on.turns, on.brakes)
     along_it = profile(path, tiles.survey, terrain, cost)
-    return replace(with_barriers(route, found, before), profile=along_it)
+    return replace(with_barriers(route, found, before, note), profile=along_it)
+
+
+def _rounding_note(misses: NDArray[np.float64], radius: float) -> str:
+    """A sentence on rounded waypoints, and on what the way misses them by; else empty."""
+    if not misses.any():
+        return ""
+    worst = int(misses.argmax())
+    others = ", others nearer" if np.count_nonzero(misses) > 1 else ""
+    return (
+        f"Waypoints are rounded by arcs of {numbers.length(radius)}: the way passes waypoint "
+        f"{worst + 1} {numbers.length(float(misses[worst]))} beside it{others}."
+    )
 
 
 def with_way_back(route: Route, back: Route) -> Route:
@@ -471,7 +520,14 @@ def _least_resistance(on: RouteSite, begin: Cell, end: Cell, bends: bool = True)
     states = _search_tiles(on, costs, fill, begin, end).states
     if not len(states):  # there is no room at all for its arcs
         return _least_resistance(on, begin, end, False)
-    return graph_path(states, survey, radius / grid.resolution)
+    return _chain(states, survey, radius / grid.resolution)
+
+
+def _chain(states: NDArray[np.int64], survey: Survey, radius: float) -> Path:
+    """The samples of states that the search found; `radius`, in sides of a cell, as there."""
+    if not radius or len(states) < 2:
+        return graph_path(states, survey)
+    return bent_path(corners_of(states, survey.headings, radius), survey)
 
 
 def _nearest_marked(
