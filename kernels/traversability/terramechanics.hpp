@@ -81,7 +81,7 @@ struct Wheel {
     double rolling = 0.0;  // resistance of the wheel itself on hard ground, by its load
     i64 gear = WHEELS;     // `Gear`: also a section of a track, or a foot
     double length = 0.0;   // L of the track that it is a section of, m
-    double area = 0.0;     // that this track has on the ground, or a foot, m²
+    double area = 0.0;     // of that track on the ground, or of a foot, m²
 };
 
 template <class Visit> void visit_arguments(Wheel& w, Visit visit) {

@@ -43,8 +43,8 @@ private:
     }
 };
 
-// Judge likewise where heights are not known exactly: sample n has there the errors of the row
-// n + shift, and those of its soils. Soils that do not differ are those of `plain`. Between slopes
+// Judge stances where heights are not known exactly: sample n has at each the errors of the row
+// n + shift, and its own soils. Soils that do not differ are those of `plain`. Between slopes
 // of a table that are not alike the nearest one counts; slopes beyond 45° never go.
 template <class Id>
 void judge_uneven_points(

@@ -46,7 +46,7 @@ class Chances:
         drives: probability of go or caution, from 0 to 1.
         climb_low: climb that 5 % of the samples stay below, rad; None where the vehicle cannot
             even drive on the level.
-        climb_high: climb that 5 % of the samples exceed, rad; None likewise.
+        climb_high: climb that 5 % of the samples exceed, rad; None like the other one.
     """
 
     go: float
@@ -62,7 +62,7 @@ class LoadSpan:
     Attributes:
         load: load with which it can do least, whose figures those of the surface are.
         climb: steepest slope that is climbed, rad; None where it cannot even drive on the level.
-        cross_slope: steepest cross-slope, rad; None likewise.
+        cross_slope: steepest cross-slope, rad; None like the climb.
         step: height of the highest step that is climbed, m.
     """
 

@@ -131,7 +131,7 @@ def gear_figures(vehicle: Vehicle, surface: Surface, soil: Soil, slip: float) ->
         return {
             "load": load, "contact_area": area, "pressure": load / area, "thrust": held,
             "sinkage": soil.sinkage * at_rest, "resistance": 0.0, "drawbar": held,
-            "sinkage_rate": soil.sinkage, "bearing": bears if soft else None,
+            "sinkage_rate": soil.sinkage / rate_factor(vehicle), "bearing": bears if soft else None,
             "borne_at": depth if soft else None,
         }  # fmt: skip
     tracks = vehicle.tracks
@@ -143,6 +143,7 @@ def gear_figures(vehicle: Vehicle, surface: Surface, soil: Soil, slip: float) ->
     held = min(held, tracks.max_torque / tracks.radius)
     return {
         "load": load, "contact_length": tracks.length, "contact_area": area, "sinkage": sinkage,
+        "sinkage_rate": soil.sinkage / rate_factor(vehicle),
         "pressure": load / area, "thrust": held, "resistance": resistance,
         "drawbar": held - resistance, "limit_torque": held * tracks.radius,
     }  # fmt: skip

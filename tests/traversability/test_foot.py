@@ -96,6 +96,14 @@ class TestFormulas:
         if figures.verdict == Verdict.NO_GO:
             assert figures.climb is figures.cross_slope is figures.step is None
 
+    def test_a_surface_keeps_its_own_k(self) -> None:
+        """Reports have the k of the file, for a foot as it walks, or a whole track."""
+        own = Surface(cohesion=1.0, fric_angle=30.0, sinkage=0.04)
+        for vehicle in (walker(), crawler()):
+            figures = surface_figures("s", own, vehicle)
+            assert figures.sinkage_rate == pytest.approx(0.04e-3)
+            assert figures.sinkage == pytest.approx(0.04e-3 * (figures.load or 0.0))
+
     def test_hind_feet_find_fresh_ground(self) -> None:
         """They sink in as deep as the fore feet, so a climb ends where the rear ones reach 0.13 m.
 

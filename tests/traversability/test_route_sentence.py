@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from terratool.traversability.report import wording
+from terratool.traversability.report import tables, wording
 from terratool.traversability.report.drawing import chart
 from terratool.traversability.report.lines import as_lines
 from terratool.traversability.report.page import as_markdown, as_page
@@ -88,6 +88,20 @@ def test_a_page_shows_where_a_way_is_tight() -> None:
     assert f'<span class="pin tight" style="left:{left:.2f}%;top:{top:.2f}%"' in page
     assert "T is where the margin of a way is least." in page
     assert "pin tight" not in as_page(reports.report(routes=(reports.NO_WAY,), reach=None))
+
+
+def test_tables_leave_out_what_only_wheels_have() -> None:
+    """No column of stresses where no surface has any, and each of the others."""
+    whole = tables.contact(reports.report())
+    bare = [
+        replace(one, normal_stress=None, shear_stress=None) for one in reports.report().surfaces
+    ]
+    titles = [column.title for column in whole.columns]
+    few = tables.contact(reports.report(surfaces=tuple(bare)))
+    gone = {"σmax, kPa", "τmax, kPa"}
+    assert gone < set(titles)
+    assert [column.title for column in few.columns] == [one for one in titles if one not in gone]
+    assert all(len(row) == len(few.columns) for row in few.rows)
 
 
 @pytest.mark.parametrize("lean", [0.3, 4.0, 13.8, 44.0])

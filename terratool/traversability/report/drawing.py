@@ -143,6 +143,8 @@ def _panels(profile: RouteProfile, battery: Battery | None) -> list[_Panel]:
     if battery is not None:
         left = 100.0 * np.clip(1.0 - profile.energy / battery.capacity, 0.0, 1.0)
         found.append(_Panel("charge left, %", (left,), 0.0, 100.0))
+    if not np.nan_to_num(profile.slip).any():
+        del found[0]  # feet, and wheels that never slip
     return [one for one in found if any(np.isfinite(line).any() for line in one.lines)]
 
 

@@ -39,6 +39,19 @@ def _by_surface(
     return Table((Column("surface", False), *(column for column, _ in columns)), tuple(rows))
 
 
+def _without_empty(table: Table) -> Table:
+    """The table without columns in which all cells are dashes, such as what is a wheel's alone."""
+    kept = [
+        number
+        for number in range(len(table.columns))
+        if not table.rows or any(row[number] != numbers.NOTHING for row in table.rows)
+    ]
+    return Table(
+        tuple(table.columns[number] for number in kept),
+        tuple(tuple(row[number] for number in kept) for row in table.rows),
+    )
+
+
 def abilities(report: TraversabilityReport) -> Table:
     """Table of abilities on each surface, with the measures that bind."""
     return _by_surface(
@@ -94,7 +107,7 @@ def loads(report: TraversabilityReport) -> Table:
 
 def contact(report: TraversabilityReport) -> Table:
     """Table of stresses and forces between wheel and soil on each surface."""
-    return _by_surface(
+    table = _by_surface(
         report,
         (Column("load, N"), lambda f: numbers.number(f.load)),
         (Column("sinkage, mm"), lambda f: _scaled_text(f.sinkage, 1e3)),
@@ -128,6 +141,7 @@ def contact(report: TraversabilityReport) -> Table:
         (Column("strength used"), lambda f: _used_share(f.utilisation)),
         (Column("slip"), lambda f: numbers.share(f.slip)),
     )
+    return _without_empty(table)
 
 
 def soils(report: TraversabilityReport) -> Table:

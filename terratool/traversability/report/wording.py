@@ -47,6 +47,9 @@ _PHRASES = {
 _DRIFT, _MUCH_DRIFT = 0.05, 0.5
 """Least drift, m, that is told of a route, and that its sentence has."""
 
+_LEVEL = math.radians(0.05)
+"""Least slope of a route that is said, rad: less is shown as none."""
+
 _MUCH = 0.1
 """Difference of shares by the best and by the worst heading that is said."""
 
@@ -216,7 +219,7 @@ def along_line(route: Route) -> str:
     parts = []
     if turns := turning_share(route):
         parts.append(f"turns on the spot take {turns} of the energy")
-    if route.steepest is not None and route.steepest.value:
+    if route.steepest is not None and abs(route.steepest.value) >= _LEVEL:
         parts.append(f"steepest {pitch(route.steepest)}")
     if route.softest is not None and route.softest.value > 0.0:
         sunk = numbers.length(route.softest.value)
@@ -361,11 +364,11 @@ def return_line(route: Route) -> str:
     """Sentence on driving the way back; empty where it can be, and was not asked for."""
     line = ""
     if route.one_way:
-        line = "It is one-way: it cannot be driven back the same way."
+        line = "It is one-way: it cannot be driven back the same way"
         if route.against:
             bar = route.against[0]
-            line = f"It is one-way: {because(bar.reason)} at {coordinates(bar.place)} bars the same "
-            line += "way back."
+            line += f", for {because(bar.reason)} at {coordinates(bar.place)}"
+        line += "."
     if route.back is None:
         return line
     if not route.back.found:
@@ -450,6 +453,8 @@ def slip_unknown(report: TraversabilityReport) -> str:
     """Sentence on why and where slip is not known; empty where it is."""
     if report.vehicle.model == "paper":
         return "There is no slip in the model paper."
+    if report.vehicle.feet:
+        return "Feet hold or slide; they have no slip."
     without = [one for one in report.surfaces if one.load and one.slip_curve is None]
     hard = [name(one.surface) for one in without if not one.sinkage_rate]
     soft = [name(one.surface) for one in without if one.sinkage_rate]
