@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ _HALVINGS = 50
 """Halvings of the interval in which the largest braking force is looked for."""
 
 
+@lru_cache(maxsize=256)  # each search for a route asks again
 def braking(vehicle: Vehicle, soil: Soil) -> float:
     """Braking on level ground as a share of the weight: μ of v²/(2 g μ); 0 where nothing brakes.
 
