@@ -33,8 +33,9 @@ MOST_FINER_STATES = 2 * MOST_STATES
 """Most states, headings times cells, of a survey with finer headings."""
 
 
-_MORE_GROUND = 1.2
-"""Most tiles that the search for a way that is all go looks at, in tiles of the search before."""
+_MORE_GROUND = 1.2, 4
+"""Most tiles that the search for a way that is all go looks at: a share of the tiles that the search
+before has looked at, and so many more."""
 
 
 class Progress(Protocol):
@@ -125,14 +126,15 @@ class WayFinder:
         """Difference in length, m, of the best way by margin from a route, if it alone is all go.
 
         It takes another search, which is made where some of the route is caution; else None. The
-        search gives up where it would look at a fifth more ground than that for the route did.
+        search gives up where it would look at over a fifth more ground than that for the route did.
         """
         if prefer == "margin" or route.profile is None or not route.found:
             return None
         if not np.any(route.profile.verdict == Verdict.CAUTION):
             return None
         tiles, looked_at = self._survey_with(route.headings), self._looked_at.get((start, goal))
-        most = None if looked_at is None else int(_MORE_GROUND * looked_at)
+        share, few = _MORE_GROUND
+        most = None if looked_at is None else int(share * looked_at) + few
         search = search_route(
             self._terrain, self._vehicle, tiles, start, goal, "margin", most_tiles=most
         )
