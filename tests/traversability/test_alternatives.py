@@ -149,8 +149,8 @@ PUDDLE = """
 """
 
 
-def finder(picture: str) -> WayFinder:
-    survey = drawn(picture)
+def finder(picture: str, **planes: Any) -> WayFinder:
+    survey = drawn(picture, **planes)
     terrain = level(survey.grid.width, survey.grid.height)
     return WayFinder(terrain, ROVER, SurveyTiles.of(survey))
 
@@ -189,8 +189,8 @@ def test_the_headline_does_not_look_all_over_the_ground() -> None:
     band = "\n".join(
         ["." * 210] * 15 + ["c" * 180 + "." * 30] * 40 + ["." * 210] * 15
     )  # fmt: skip
-    for east, said in ((5.5, False), (150.5, True)):
-        ways, ends = finder(band), ((east, 5.5), (east, 64.5))
+    for east, said in ((5.5, False), (170.5, True)):
+        ways, ends = finder(band, utilisation=0.05), ((east, 5.5), (east, 64.5))
         route = ways.plan(*ends, prefer="length")
         assert route.verdict == Verdict.CAUTION
         assert (ways.all_go_longer(route, *ends, "length") is not None) == said
