@@ -212,13 +212,18 @@ private:
             : legs(legs), sign(sign), searched(searched), most(most),
               weight(sign > 0 ? 1.0 : legs.costs_.backward) {}
 
+        bool known(Cell cell) const {
+            const Costs& costs = legs.costs_;
+            return costs.known(cell.row / costs.tile, cell.column / costs.tile);
+        }
+
         // Judge a cell with the headings beside a direction, and pay for the dearer.
         bool look(Cell cell, const Towards& towards, At& at) const {
             const Costs& costs = legs.costs_;
             bool between = towards.low != towards.high;
             u8 wanted = between && !searched ? ALLOWED | BETWEEN : ALLOWED;
             if (!inside(cell, costs.heights)) return searched;
-            if (!costs.known(cell.row / costs.tile, cell.column / costs.tile)) return searched;
+            if (!known(cell)) return searched;
             for (i64 heading : {towards.low, towards.high}) {
                 u8 flags = costs.flags(heading, cell.row, cell.column);
                 at.careful |= (flags & CAREFUL) != 0;
@@ -265,7 +270,7 @@ private:
                 bool near = lower == (south >= 0.5) && righter == (east >= 0.5);
                 if ((!nearest || near) && !look(cell, towards, at)) return false;
                 double own = double(legs.costs_.heights(cell.row, cell.column));
-                if (!isnan(own)) height += part * own, share += part;
+                if (!isnan(own) && known(cell)) height += part * own, share += part;
             }
             at.height = share > 0.0 ? height / share : std::nan("");
             return step(at, stride);

@@ -63,7 +63,7 @@ public:
             bool better = false;
             for (i64 n = 1; n + 1 < count(); ++n) {
                 if (corners_[n].settled) continue;
-                bool moved = drop_from(n) || merge(n) || shift(n) || cut(n);
+                bool moved = fold(n) || drop_from(n) || merge(n) || shift(n) || cut(n);
                 better |= moved;
                 if (moved) n = max<i64>(n - 2, 0);
                 else corners_[n].settled = true;
@@ -252,6 +252,23 @@ private:
         double height = abs(cross(base, between(before, corners_[n]))) / max(length(base), 1.0);
         return height <= double(near_)
             && min(apart(at, before.cell), apart(at, next)) <= apart(before.cell, next);
+    }
+
+    // Leave out a leg and the same leg back, where the vehicle can as well turn before it.
+    bool fold(i64 n) {
+        if (radius_ > 0.0 || apart(corners_[n - 1].cell, corners_[n + 1].cell)) return false;
+        double turn = 0.0;
+        if (n > 1 && n + 2 < count())
+            turn = legs_.turn(corners_[n - 1].cell, corners_[n - 1].facing, corners_[n + 2].facing)
+                       .cost;
+        Toll old = corners_[n].leg;
+        old += corners_[n + 1].leg;
+        for (i64 k = n - 1; k <= n + 1; ++k) old += corners_[k].corner;
+        if (!(turn < old.cost)) return false;
+        corners_[n - 1].corner.cost = turn;
+        corners_.erase(corners_.begin() + n, corners_.begin() + n + 2);
+        for (i64 k = max<i64>(n - 2, 0); k < min(count(), n + 2); ++k) corners_[k].settled = false;
+        return true;
     }
 
     // Leave out a corner, with as many after it as can be.

@@ -142,17 +142,20 @@ class TestByHand:
         assert found == pytest.approx([0.0, -0.8])
         assert drift_along(x, y, np.array([np.nan]), np.arctan([0.1])) == pytest.approx([0.0, -0.2])
 
-    def test_an_arc_is_no_corner(self) -> None:
-        """A quarter of a circle to the left, in steps of half a degree."""
-        t = np.radians(np.arange(0, 90.1, 0.5))
+    @pytest.mark.parametrize("step", [0.5, 5.0, 15.0])
+    def test_an_arc_is_no_corner(self, step: float) -> None:
+        """A quarter of a circle to the left, in steps of so many degrees, as a car's may be."""
+        t = np.radians(np.arange(0, 90.1, step))
         x, y = 10 * np.cos(t), 10 * np.sin(t)
         assert stretches(x, y) == [(0, len(t) - 1)]
         ends = np.full(len(t) - 1, math.atan(-0.1))
         drift = drift_along(x, y, ends, ends)
-        assert drift[-1] == pytest.approx(0.1 * 5 * math.pi, rel=1e-4)
+        chords = 90.0 / step * 20 * math.sin(math.radians(0.5 * step))
+        assert drift[-1] == pytest.approx(0.1 * chords)
         (outline,) = corridor(profiled(x, y, drift))
         # to the left is towards the middle
-        assert np.hypot(*outline[len(t)]) == pytest.approx(10 - drift[-1], abs=1e-3)
+        aside = outline[len(t) - 1] - outline[len(t)]
+        assert aside == pytest.approx([0.0, drift[-1]], abs=drift[-1] * math.radians(step))
 
     def test_total(self) -> None:
         """Drift to both sides adds up; the corners take nothing off."""

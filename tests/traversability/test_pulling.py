@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -22,6 +23,7 @@ from terratool.traversability.route.graph import (
     PREFERENCES,
     drivable,
     heading_offsets,
+    pulled,
     rates,
     turn_prices,
 )
@@ -348,6 +350,21 @@ def test_a_way_that_can_be_driven_back_stays_one() -> None:
             chain = graph_path(search.found.states, survey)
             places = np.column_stack([chain.x, chain.y])
             assert check_route(terrain, ROVER, survey, places).one_way
+
+
+def test_a_leg_there_and_back_is_left_out() -> None:
+    """East by two cells and back, between two legs to the north, and at the beginning."""
+    survey = open_ground(9, 9)
+    search = search_route(level(9, 9), ROVER, survey, (1.5, 1.5), (1.5, 6.5))
+    assert search.found is not None and search.costs is not None
+    aside = [(2, 5, 2), (2, 5, 3), (2, 5, 2), (2, 5, 1)]
+    for states, length in (
+        ([(0, 7, 1), (0, 6, 1), (0, 5, 1), (1, 5, 1), *aside, (1, 5, 1), (0, 5, 1), (0, 4, 1)], 3),
+        ([(2, 5, 1), *aside, (1, 5, 1), (0, 5, 1), (0, 4, 1)], 1),
+    ):
+        found = replace(search.found, states=np.array(states, np.int64))
+        places = pulled(search.costs, found)[:, :2]
+        assert np.abs(np.diff(places, axis=0)).sum() == length
 
 
 def test_offsets_beside_a_move() -> None:

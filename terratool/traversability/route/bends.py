@@ -121,15 +121,14 @@ def _leg(begin: Corners, end: Corners, headings: int, fine: bool) -> _Piece | No
     steps = span * np.arange(math.floor(first / span), math.ceil(last / span) + 1)
     at = np.r_[first, steps[(steps > first + _SAME) & (steps < last - _SAME)], last]
     towards = math.degrees(math.atan2(way[1], -way[0])) % 360.0
-    low, high = headings_beside(towards, headings)
+    low, high = np.full((len(at), 2), headings_beside(towards, headings)).T
     row, column = begin[:2, None] + at / length * way[:, None]
-    same = np.full((3, len(at)), [[towards], [low], [high]])
-    beside = same[1:].astype(np.int64)
-    return _Piece(row, column, same[0], *beside, float(end[2]), fine)
+    return _Piece(row, column, np.full(len(at), towards), low, high, float(end[2]), fine)
 
 
-def _arc(before: Corners, at: Corners, after: Corners, headings: int, fine: bool) -> _Piece:
-    """The arc at a corner between two others, (7,) each, with the straight rests that it has."""
+def _arc(corners: Corners, headings: int, fine: bool) -> _Piece:
+    """The arc at the second of three corners, with the straight rests that it has."""
+    before, at, after = corners
     ways = np.stack([at[:2] - before[:2], after[:2] - at[:2]])
     ahead, leaving = ways / np.hypot(*ways.T)[:, None]
     begin, end = np.degrees(np.arctan2([ahead[1], leaving[1]], [-ahead[0], -leaving[0]]))
@@ -176,7 +175,7 @@ def bent_path(corners: Corners, survey: Survey, terrain: Terrain | None = None) 
         if leg := _leg(corners[n - 1], corners[n], count, fine):
             pieces.append(leg)
         if corners[n, 5] > 0.0:
-            pieces.append(_arc(*corners[n - 1 : n + 2], count, fine))
+            pieces.append(_arc(corners[n - 1 : n + 2], count, fine))
     parts: list[NDArray[np.float64]] = []
     for piece in pieces:
         facing = (piece.towards + (180.0 if piece.sign < 0.0 else 0.0)) % 360.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -10,8 +9,8 @@ from numpy.typing import NDArray
 
 from terratool.traversability.route.results import RouteProfile
 
-_CORNER = math.radians(1.0)
-"""Change of direction that makes a corner, rad; there, whoever steers sees where it is."""
+_SQUARE = 1e-9
+"""Cosine of the largest change of direction between two samples that is no corner."""
 _LEAST = 0.01
 """Largest drift that makes no strip, m."""
 
@@ -53,11 +52,14 @@ def drift_total(profile: RouteProfile) -> float:
 
 
 def stretches(x: NDArray[np.float64], y: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """First and last sample of each part of a way between two corners, or turns on the spot."""
+    """First and last sample of each part of a way between turns on the spot, or to where it backs.
+
+    There, whoever steers sees where the vehicle is. A bend is no corner, however it is sampled.
+    """
     east, north = np.diff(x), np.diff(y)
     run = np.hypot(east, north)
     along = east[1:] * east[:-1] + north[1:] * north[:-1]
-    goes_on = (along > math.cos(_CORNER) * run[1:] * run[:-1]) & (run[1:] > 0.0) & (run[:-1] > 0.0)
+    goes_on = (along > _SQUARE * run[1:] * run[:-1]) & (run[1:] > 0.0) & (run[:-1] > 0.0)
     begins = np.r_[0, np.flatnonzero(~goes_on) + 1] if len(run) else np.empty(0, np.int64)
     ends = np.r_[begins[1:], len(run)]
     return [

@@ -74,6 +74,11 @@ class Path:
         """Values of a plane of the survey, (headings, height, width), at the samples, (n,)."""
         return np.asarray(plane[self.judged, self.row, self.column])
 
+    def is_drivable(self, survey: Survey) -> bool:
+        """Whether all samples are go or caution, and have ground."""
+        states = self.judged, self.row, self.column
+        return bool(_can(survey, *states).all())
+
 
 @dataclass(frozen=True, slots=True)
 class DrivingCost:
@@ -246,6 +251,16 @@ def _turned(before: float, after: float, side: int, step: float) -> list[float]:
     return found
 
 
+def _can(
+    survey: Survey, heading: NDArray[np.int64], row: NDArray[np.int64], column: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Whether states can be driven, in their shape, as `graph.drivable` has it."""
+    verdict = survey.verdict[heading, row, column]
+    can = (verdict == Verdict.GO) | (verdict == Verdict.CAUTION)
+    ground = np.isfinite(survey.heights[row, column])
+    return np.asarray(can & ground & np.isfinite(survey.energy[heading, row, column]))
+
+
 def worst_of(options: NDArray[np.int64], survey: Survey) -> NDArray[np.int64]:
     """The worst of states, (n, k, 3) heading, row and column: (n, 3).
 
@@ -253,9 +268,7 @@ def worst_of(options: NDArray[np.int64], survey: Survey) -> NDArray[np.int64]:
     """
     heading, row, column = options.transpose(2, 0, 1)
     verdict = survey.verdict[heading, row, column]
-    can = (verdict == Verdict.GO) | (verdict == Verdict.CAUTION)
-    can &= np.isfinite(survey.heights[row, column])
-    can &= np.isfinite(survey.energy[heading, row, column])
+    can = _can(survey, heading, row, column)
     used = np.clip(np.nan_to_num(survey.utilisation[heading, row, column]), 0.0, 10.0)
     score = np.where(can, 0.0, 1e4) + 100.0 * RANKS[verdict] + used
     return np.asarray(options[np.arange(len(options)), score.argmax(axis=1)])

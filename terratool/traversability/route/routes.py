@@ -251,9 +251,9 @@ class RouteSearch:
         """
         assert self.found is not None and self.costs is not None
         survey, radius = self.on.survey, self.on.vehicle.turning_radius
-        chain = _chain(self.found.states, survey, radius / survey.grid.resolution)
         if radius and len(self.found.states) > 1:
-            return self._bent_way(route, chain)
+            return self._bent_way(route, radius / survey.grid.resolution)
+        chain = graph_path(self.found.states, survey)
         for both in (False, True):
             corners = pulled(self.costs, self.found, both, self.near)
             path = pulled_path(corners, survey) if len(corners) > 1 else chain
@@ -266,22 +266,23 @@ class RouteSearch:
                 return found
         return with_way(route, chain, self.on, not leads_back(chain, self.on))
 
-    def _bent_way(self, route: Route, chain: Path) -> Route:
-        """Complete a route of a vehicle that bends, as `_way` does."""
+    def _bent_way(self, route: Route, radius: float) -> Route:
+        """Complete a route of a vehicle that bends, as `_way` does; `radius` in sides of a cell."""
         assert self.found is not None and self.costs is not None
         survey = self.on.survey
-        radius = self.on.vehicle.turning_radius / survey.grid.resolution
-        chain_leads_back = leads_back(chain, self.on)
+        chain = corners_of(self.found.states, survey.headings, radius)
+        # which makes what lies beside it known, too
+        chain_leads_back = leads_back(bent_path(chain, survey), self.on)
         for both in (False, True):
             corners = pulled_corners(self.costs, self.found, radius, both, self.near)
             back = bent_path(reversed_corners(corners), survey)
-            one_way = not np.all(back.values_of(drivable(survey)))
+            one_way = not back.is_drivable(survey)
             if one_way and chain_leads_back:
                 continue
             found = with_way(route, bent_path(corners, survey), self.on, one_way)
             if not found.strays:
                 return found
-        return with_way(route, chain, self.on, not chain_leads_back)
+        return with_way(route, bent_path(chain, survey), self.on, not chain_leads_back)
 
     def route(self) -> Route:
         """The route with its way, or with barriers, which take a second search."""
@@ -520,14 +521,9 @@ def _least_resistance(on: RouteSite, begin: Cell, end: Cell, bends: bool = True)
     states = _search_tiles(on, costs, fill, begin, end).states
     if not len(states):  # there is no room at all for its arcs
         return _least_resistance(on, begin, end, False)
-    return _chain(states, survey, radius / grid.resolution)
-
-
-def _chain(states: NDArray[np.int64], survey: Survey, radius: float) -> Path:
-    """The samples of states that the search found; `radius`, in sides of a cell, as there."""
     if not radius or len(states) < 2:
         return graph_path(states, survey)
-    return bent_path(corners_of(states, survey.headings, radius), survey)
+    return bent_path(corners_of(states, survey.headings, radius / grid.resolution), survey)
 
 
 def _nearest_marked(
