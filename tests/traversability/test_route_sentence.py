@@ -69,7 +69,7 @@ def test_what_bars_an_end_is_said_once() -> None:
 
 def test_a_page_on_one_route_says_its_sentence_once() -> None:
     report = reports.report(routes=(WAY,), verdict=Verdict.CAUTION, reach=None, preview=None)
-    begin = "There is a way from (105, 202)"
+    begin = "There is a way from (105,"
     assert as_page(report).count(begin) == 1
     assert as_markdown(report).replace("\\", "").count(begin) == 1
     lines = "\n".join(as_lines(report))
