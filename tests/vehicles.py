@@ -59,6 +59,29 @@ SMALLEST: Json = {
     "clearance": 0.13,
 }
 
+TRACKED: Json = {
+    "mass": [40, 65.5],
+    "tracks": {
+        "length": 0.7, "width": 0.15, "radius": 0.1, "frontHeight": 0.18, "approachAngle": 30,
+        "maxTorque": 60, "maxSlip": 0.5,
+    },
+    "track": 0.55,
+    "cog": {"x": [-0.05, 0.1], "height": [0.2, 0.3]},
+    "clearance": 0.08,
+    "turningRadius": 0.5,
+}  # fmt: skip
+
+WALKING: Json = {
+    "mass": 30,
+    "feet": {
+        "diameter": 0.05, "length": 0.6, "stepHeight": 0.2, "reach": 0.1, "pairs": 3,
+        "bearingFeet": 3,
+    },
+    "track": 0.4,
+    "cog": {"x": 0.05, "height": 0.3},
+    "clearance": 0.3,
+}  # fmt: skip
+
 
 def source(value: Any) -> Source:
     return Source("v.json", json.dumps(value).encode())
@@ -111,16 +134,21 @@ def _own_wheel(draw: st.DrawFn, radius: float, width: float) -> Json:
 
 
 @st.composite
-def vehicles(draw: st.DrawFn) -> Json:
-    """A vehicle without errors, whole numbers among its figures and its axles in any order."""
+def _range(draw: st.DrawFn, low: float, high: float) -> Any:
+    """A number, or a range of them."""
+    number = draw(_numbers(low, high))
+    return [number, draw(_numbers(number, high))] if draw(st.booleans()) else number
+
+
+@st.composite
+def wheeled(draw: st.DrawFn) -> Json:
+    """A vehicle on wheels without errors, whole numbers among its figures, axles in any order."""
     radius = draw(_numbers(0.02, 0.5))
     width = draw(_numbers(0.01, 0.3))
     value: Json = {
-        "mass": draw(st.integers(1, 5000) | _numbers(0.1, 5000)),
         "wheels": {"radius": radius, "width": width},
         "track": 3.001 * width + draw(_numbers(0, 2)),
-        "cog": {"height": draw(_numbers(0.01, 2))},
-        "clearance": draw(_numbers(0.01, 1)),
+        "cog": {},
     }
     gaps = draw(st.lists(_numbers(2.001, 6), min_size=1, max_size=4))
     xs = [draw(_numbers(-2, 2))]
@@ -142,16 +170,85 @@ def vehicles(draw: st.DrawFn) -> Json:
             value["wheelbase"] = xs[0] - xs[-1]
     else:
         value["wheelbase"] = xs[0] - xs[-1]
+    value["wheels"] |= draw(_kinds(0.5 * radius))
     share = _numbers(0.01, 1)
-    value |= draw(
+    value["wheels"] |= draw(
+        _some(
+            {
+                "maxTorque": _numbers(0.001, 1000),
+                "maxSlip": share,
+                "rollingResistance": _numbers(0, 0.99),
+            }
+        )
+    )
+    value |= draw(_some({"steering": st.sampled_from(["skid", "wheels"])}))
+    return value | draw(_rest(value["cog"]))
+
+
+@st.composite
+def _tracked(draw: st.DrawFn) -> Json:
+    """A vehicle on tracks without errors."""
+    length, radius = draw(_numbers(0.1, 3)), draw(_numbers(0.02, 0.3))
+    tracks = {"length": length, "width": draw(_numbers(0.01, 0.3)), "radius": radius}
+    tracks |= draw(
+        _some(
+            {
+                "frontHeight": _numbers(radius, 2 * radius),
+                "approachAngle": _numbers(1, 89),
+                "maxTorque": _numbers(0.001, 1000),
+                "maxSlip": _numbers(0.01, 1),
+            }
+        )
+    )
+    cog = draw(_some({"x": _range(-0.49 * length, 0.49 * length)}))
+    value = {"tracks": tracks, "track": tracks["width"] + draw(_numbers(0.01, 2)), "cog": cog}
+    return value | draw(_rest(cog))
+
+
+@st.composite
+def _walking(draw: st.DrawFn) -> Json:
+    """A vehicle on feet without errors."""
+    pairs = draw(st.integers(2, 4))
+    diameter = draw(_numbers(0.01, 0.2))
+    length = diameter * pairs + draw(_numbers(0, 2))
+    feet = {"diameter": diameter, "length": length, "stepHeight": draw(_numbers(0.01, 1))}
+    feet |= draw(_some({"reach": _numbers(0, 0.5), "bearingFeet": st.integers(1, 2 * pairs)}))
+    if pairs > 2 or draw(st.booleans()):
+        feet["pairs"] = pairs
+    cog = draw(_some({"x": _range(-0.49 * length, 0.49 * length)}))
+    value = {"feet": feet, "track": diameter + draw(_numbers(0.01, 2)), "cog": cog}
+    return value | draw(_rest(cog))
+
+
+def vehicles() -> st.SearchStrategy[Json]:
+    """Vehicles without errors, on wheels, tracks or feet."""
+    return st.one_of(wheeled(), _tracked(), _walking())
+
+
+@st.composite
+def _rest(draw: st.DrawFn, cog: Json) -> Json:
+    """What all vehicles have, whatever they stand on; `cog` is what is known of that."""
+    share = _numbers(0.01, 1)
+    return {
+        "mass": draw(st.integers(1, 5000) | _range(0.1, 5000)),
+        "cog": {**cog, "height": draw(_range(0.01, 2))},
+        "clearance": draw(_numbers(0.01, 1)),
+    } | draw(
         _some(
             {
                 "descr": st.text(),
                 "gravity": st.sampled_from(["earth", "mars", "moon"]) | _numbers(0.1, 20),
                 "bodyWidth": _numbers(0.05, 3),
-                "steering": st.sampled_from(["skid", "wheels"]),
+                "turningRadius": _numbers(0, 50),
                 "speed": _numbers(0.01, 20),
                 "power": _numbers(0, 1000),
+                "maxDrift": _numbers(0.01, 10),
+                "efficiency": share,
+                "battery": st.fixed_dictionaries(
+                    {"capacity": _numbers(0.1, 1e4)}, optional={"reserve": _numbers(0, 0.99)}
+                ),
+                "stoppingDistance": _numbers(0.01, 100),
+                "reactionTime": _numbers(0, 10),
                 "overhang": _some(
                     {
                         "front": _numbers(0.01, 2),
@@ -182,6 +279,3 @@ def vehicles(draw: st.DrawFn) -> Json:
             }
         )
     )
-    value["wheels"] |= draw(_kinds(0.5 * radius))
-    value["wheels"] |= draw(_some({"maxTorque": _numbers(0.001, 1000), "maxSlip": share}))
-    return value

@@ -57,7 +57,7 @@ class HeightError:
         reach = self.correlation / FALLEN
         if reach == 0.0:
             return np.asarray(apart == 0.0, np.float64)
-        return np.asarray(np.maximum(1.0 - (apart / reach) ** 2, 0.0) ** 3)
+        return np.asarray((1.0 - (np.minimum(apart, reach) / reach) ** 2) ** 3)
 
 
 def footprint_errors(

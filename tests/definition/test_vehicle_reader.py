@@ -33,7 +33,7 @@ from terratool.text.source import Source
 from tests.commands import ROOT, run
 from tests.schemas import subschemas
 from tests.strategies import Json, definitions
-from tests.vehicles import LOPSIDED, SMALLEST, source, vehicles
+from tests.vehicles import LOPSIDED, SMALLEST, TRACKED, WALKING, source, vehicles
 
 SCHEMA = terratool.schema("vehicle")
 WHEELS: Json = SMALLEST["wheels"]
@@ -112,7 +112,9 @@ REPLACEMENTS = [
     None, True, False, "", "tyre", "Tyre", "earth", "Earth", "venus", 0, -1, 1, 2, 2.0, 1.5, 1e-6,
     9e-7, 1e6, 1e7, 1e9, 2e9, -1e6, 89.9, 90, 16, 17, [], [{}], [{"x": 1}],
     [{"x": 1}, {"x": -1}], [1, 2], {}, {"radius": 0.1, "width": 0.1},
-    {"height": 1}, {"x": 0}, {"step": 0}, {"slip": 0.1},
+    {"height": 1}, {"x": 0}, {"step": 0}, {"slip": 0.1}, [2, 1], [1, 2, 3], {"capacity": 1},
+    {"length": 0.7, "width": 0.15, "radius": 0.1},
+    {"diameter": 0.05, "length": 0.6, "stepHeight": 0.2},
     [{"x": place} for place in range(65)],
 ]  # fmt: skip
 NEW_KEYS = [
@@ -129,6 +131,14 @@ NEW_KEYS = [
     "kind",
     "grouserHeight",
     "tyrePressure",
+    "tracks",
+    "feet",
+    "battery",
+    "reserve",
+    "pairs",
+    "frontHeight",
+    "efficiency",
+    "rollingResistance",
 ]
 
 
@@ -140,7 +150,7 @@ def containers(value: Any, key: str = "") -> Iterator[Any]:
             yield from containers(item, name)
 
 
-@given(vehicles() | st.just(LOPSIDED).map(copy.deepcopy), st.data())
+@given(vehicles() | st.sampled_from([LOPSIDED, TRACKED, WALKING]).map(copy.deepcopy), st.data())
 def test_agrees_with_the_reader_on_mutations(value: Json, data: st.DataObject) -> None:
     """With keys dropped, added or of another value, the schema and the reader have one verdict."""
     for _ in range(data.draw(st.integers(1, 3))):
@@ -335,6 +345,7 @@ def changed(**change: Any) -> Json:
     return value
 
 
+LEVEL: Json = {"cog": {"height": 0.3}}
 SIDES = [{"x": 0.25}, {"x": -0.25}]
 
 
@@ -495,11 +506,41 @@ SIDES = [{"x": 0.25}, {"x": -0.25}]
         ({"wheels": {**WHEELS, "tyrePressure": 1.4}}, ["TT508"]),
         ({"axles": [{"x": 0.25, "radius": 0.005}, SIDES[1]]}, ["TT508"]),
         ({"wheels": {**WHEELS, "grouserHeight": 25}}, ["TT512"]),
+        ({"efficiency": 1e-6}, ["TT508"]),
+        ({"efficiency": 1e-300}, ["TT106"]),
+        ({"battery": {"capacity": 1, "reserve": 1}}, ["TT106"]),
+        ({"mass": [60, 50]}, ["TT517"]),
+        ({"mass": [50, 60, 70]}, ["TT105"]),
+        ({"cog": {"x": [-0.1, 0.25], "height": 0.2}}, ["TT504"]),
     ],
 )
 def test_rules_at_their_limits(change: Json, expected: list[str]) -> None:
     """Each draws its line where geometry, by hand, has it."""
     assert codes(changed(**change)) == expected
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "change", "expected"),
+    [
+        (TRACKED, {"wheels": WHEELS}, ["TT514"]),
+        (TRACKED, {"feet": WALKING["feet"]}, ["TT514"]),
+        (TRACKED, {"wheelbase": 0.7, "axles": SIDES}, ["TT514", "TT514"]),
+        (TRACKED, {"steering": "skid"}, []),
+        (TRACKED, {"steering": "wheels"}, ["TT514"]),
+        (WALKING, {"steering": "wheels"}, ["TT514"]),
+        (TRACKED, {"tracks": {**TRACKED["tracks"], "frontHeight": 0.1}}, []),
+        (TRACKED, {"tracks": {**TRACKED["tracks"], "frontHeight": 0.099}}, ["TT515"]),
+        (TRACKED, {"cog": {"x": [-0.05, 0.349], "height": 0.2}}, []),
+        (TRACKED, {"cog": {"x": [-0.05, 0.35], "height": 0.2}}, ["TT504"]),
+        (WALKING, {"feet": {**WALKING["feet"], "bearingFeet": 6}}, []),
+        (WALKING, {"feet": {**WALKING["feet"], "bearingFeet": 7}}, ["TT516"]),
+        (WALKING, {**LEVEL, "feet": {**WALKING["feet"], "length": 0.1}}, []),
+        (WALKING, {**LEVEL, "feet": {**WALKING["feet"], "length": 0.09}}, ["TT516"]),
+    ],
+)
+def test_rules_of_tracks_and_feet(vehicle: Json, change: Json, expected: list[str]) -> None:
+    """What belongs to wheels is theirs alone, and idlers and feet have room."""
+    assert codes(vehicle | change) == expected
 
 
 def test_a_wheelbase_agrees_to_a_thousandth() -> None:

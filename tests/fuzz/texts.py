@@ -41,6 +41,7 @@ from tests.fuzz.mutation import mutate_bytes, mutate_tree
 from tests.oracle import Expression
 from tests.sensing.yard import HERE as PLACE
 from tests.sensing.yard import TERRAIN as YARD
+from tests.vehicles import LOPSIDED, TRACKED, WALKING
 
 HERE = (*PLACE, 20.0, 0.0, 0.0)
 KEYS = sorted({*chain.from_iterable(KEYS_OF.values()), "x-ignore", "x-note"})
@@ -66,7 +67,10 @@ def _texts(kind: Kind) -> list[bytes]:
         "curriculum": ["samples/curricula"],
     }[kind]
     paths = chain.from_iterable(sorted((ROOT / folder).glob("*.json")) for folder in folders)
-    return [path.read_bytes() for path in paths if path.stat().st_size < 20_000]
+    found = [path.read_bytes() for path in paths if path.stat().st_size < 20_000]
+    if kind == "vehicle":
+        found += [json.dumps(value).encode() for value in (LOPSIDED, TRACKED, WALKING)]
+    return found
 
 
 @cache

@@ -158,6 +158,13 @@ def test_refuses_what_makes_no_sense(numbers: tuple[float, float]) -> None:
         HeightError(*numbers).check()
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_correlation_over_next_to_nothing_is_none() -> None:
+    apart = np.array([[0.0, 0.1], [1e6, 0.0]])
+    for length in (0.0, 1e-300):
+        assert HeightError(0.1, length).correlation_at(apart).tolist() == [[1.0, 0.0], [0.0, 1.0]]
+
+
 def test_a_wheel_takes_the_ground_of_its_own_length() -> None:
     """A wheel by itself leans by the errors a radius ahead and behind."""
     wheel = Vehicle.single(replace(ROVER.wheel, radius=0.3), 50.0)

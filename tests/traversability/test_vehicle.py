@@ -30,7 +30,7 @@ from terratool.traversability.vehicle import (
 from terratool.traversability.vehicle_files import CARCASS, load_vehicle, vehicle_of
 from tests.commands import ROOT, SAMPLE
 from tests.strategies import Json
-from tests.vehicles import LOPSIDED, SMALLEST, source, vehicles
+from tests.vehicles import LOPSIDED, SMALLEST, source, wheeled
 
 
 def meant(value: Json) -> Vehicle:
@@ -244,7 +244,7 @@ def mirrored(value: Json) -> Json:
     return value
 
 
-@given(vehicles())
+@given(wheeled())
 def test_the_frame_of_the_axles_is_free(value: Json) -> None:
     """Its origin may be anywhere, and the axles stand in any order."""
     vehicle = meant(value)
@@ -260,7 +260,7 @@ def test_the_frame_of_the_axles_is_free(value: Json) -> None:
     assert meant(turned) == vehicle
 
 
-@given(vehicles())
+@given(wheeled())
 def test_a_vehicle_driven_backwards_is_its_mirror_image(value: Json) -> None:
     """Front and rear change places, and with them axles and overhangs."""
     vehicle, back = meant(value), meant(mirrored(value))

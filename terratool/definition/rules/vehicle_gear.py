@@ -21,7 +21,7 @@ def _gears(vehicle: VehicleText) -> list[str]:
 
 @rule("TT514", "several-gears", kind="vehicle")
 def several_gears(subject: VehicleSubject) -> Iterator[Remark]:
-    """A vehicle has more than one of wheels, tracks and feet, or axles without wheels.
+    """A vehicle has more than one of wheels, tracks and feet, or no wheels for axles or steering.
 
     Half-tracks, and legs with wheels at their ends, are not known.
 
@@ -65,6 +65,13 @@ def several_gears(subject: VehicleSubject) -> Iterator[Remark]:
                     f'"{key}" belongs to wheels, and the vehicle has "{gears[0]}".',
                     f'Remove it; "length" in "{gears[0]}" says how long it stands.',
                 )
+        if vehicle.steering == "wheels":
+            turns = "skids" if gears == ["tracks"] else "steps around"
+            yield Remark(
+                "/steering",
+                f'"steering" is "wheels", and the vehicle has "{gears[0]}".',
+                f"Remove it; such a vehicle {turns} as it turns.",
+            )
 
 
 @rule("TT515", "low-front", kind="vehicle")
