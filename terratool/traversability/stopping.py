@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ CRAWL = 0.01
 """Share of the speed at which a vehicle creeps where no speed lets it stop in time."""
 
 
+@lru_cache(maxsize=256)  # each search for a route asks again
 def braking(vehicle: Vehicle, soil: Soil) -> float:
     """Braking on level ground as a share of the weight: μ of v²/(2 g μ); 0 where nothing brakes.
 

@@ -149,8 +149,8 @@ PUDDLE = """
 """
 
 
-def finder(picture: str) -> WayFinder:
-    survey = drawn(picture)
+def finder(picture: str, **planes: Any) -> WayFinder:
+    survey = drawn(picture, **planes)
     terrain = level(survey.grid.width, survey.grid.height)
     return WayFinder(terrain, ROVER, SurveyTiles.of(survey))
 
@@ -182,6 +182,20 @@ def test_nothing_is_said_of_ways_that_are_not_there(picture: str, prefer: Any) -
     route = ways.plan(*ends, prefer=prefer)
     assert route.found and ways.all_go_longer(route, *ends, prefer) is None
     assert "all-go" not in wording.route_line(route)
+
+
+def test_the_headline_does_not_look_all_over_the_ground() -> None:
+    """A band of caution across, open at its far end: beside the start it is said, not from afar."""
+    band = "\n".join(
+        ["." * 210] * 15 + ["c" * 180 + "." * 30] * 40 + ["." * 210] * 15
+    )  # fmt: skip
+    for east, said in ((5.5, False), (170.5, True)):
+        ways, ends = finder(band, utilisation=0.05), ((east, 5.5), (east, 64.5))
+        route = ways.plan(*ends, prefer="length")
+        assert route.verdict == Verdict.CAUTION
+        assert (ways.all_go_longer(route, *ends, "length") is not None) == said
+        wide = ways.plan(*ends, prefer="margin")
+        assert wide.verdict == Verdict.GO
 
 
 def test_a_way_that_is_go_is_not_searched_for_twice(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -278,8 +278,11 @@ def test_a_yard_too_narrow_to_turn_in_bars_and_says_so() -> None:
     assert plan_route(terrain, ROVER, survey, *ends).found
     route = plan_route(terrain, car(4.0), survey, *ends)
     assert not route.found and route.barriers
-    tight = check_route(terrain, car(4.0), survey, [(0.5, 11.5), (11.5, 11.5), (11.5, 0.5)])
-    (bar,) = tight.barriers
+    corner = [(0.5, 11.5), (11.5, 11.5), (11.5, 0.5)]
+    # an arc of 4 m leads over the ground inside of the corner; one of 12 m is longer than the legs
+    rounded = check_route(terrain, car(4.0), survey, corner)
+    assert not rounded.found and rounded.barriers[0].reason == Reason.STEP
+    (bar,) = check_route(terrain, car(12.0), survey, corner).barriers
     assert bar.reason == Reason.TURNING and "turning on the spot at (11.5, 11.5)" in (
         wording.barrier(bar)
     )

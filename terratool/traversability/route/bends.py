@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -20,7 +19,6 @@ from terratool.traversability.route.graph import (
     SearchResult,
     arc_of,
     heading_offsets,
-    looked_at,
 )
 from terratool.traversability.route.paths import Path, headings_beside, worst_of
 
@@ -78,8 +76,7 @@ def pulled_corners(
     corners = corners_of(found.states, len(costs.rate), radius)
     if len(corners) < 2:
         return corners
-    known = replace(costs, known=looked_at(costs, found))
-    return kernels.pull_bends(known, corners, radius, ROUNDS, both, near)
+    return kernels.pull_bends(costs, corners, radius, ROUNDS, both, near)
 
 
 def reversed_corners(corners: Corners) -> Corners:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -498,8 +498,7 @@ def pulled(
     cost less, and are neither longer over ground nor caution for longer. Corners are left out,
     moved and cut off until nothing gets better. A leg is judged and paid as a move. Between two
     headings it must be drivable with both, and the dearer one counts. Cells of tiles that the
-    search has not looked at are not driven, so that the way does not depend on which tiles happen
-    to be known.
+    search has not asked for are not driven.
 
     Args:
         costs: costs of the search, with bits of `state_flags`.
@@ -512,13 +511,4 @@ def pulled(
         For each corner its cell, how the leg to it is driven (1 ahead, −1 backwards, 0 for the
         start), and to which side the vehicle turns there (1 clockwise, −1, 0 for no turn).
     """
-    known = replace(costs, known=looked_at(costs, found))
-    return kernels.pull(known, found.states, ROUNDS, both, near)
-
-
-def looked_at(costs: Costs, found: SearchResult) -> NDArray[np.bool_]:
-    """Tiles, (rows, columns) bool, that a search has looked at."""
-    tiles = np.zeros_like(costs.known)
-    rows, columns = np.nonzero(found.reached)
-    tiles[rows // costs.tile, columns // costs.tile] = True
-    return tiles
+    return kernels.pull(costs, found.states, ROUNDS, both, near)

@@ -33,6 +33,11 @@ MOST_FINER_STATES = 2 * MOST_STATES
 """Most states, headings times cells, of a survey with finer headings."""
 
 
+_MORE_GROUND = 1.2, 4
+"""Most tiles that the search for a way that is all go looks at: a share of those that the search
+before has looked at, and so many more."""
+
+
 class Progress(Protocol):
     """A listener to the progress of long work."""
 
@@ -81,6 +86,7 @@ class WayFinder:
         self.progress: Progress | None = None
         self._terrain, self._vehicle, self._threads = terrain, vehicle, threads
         self._made = {tiles.survey.headings: tiles}
+        self._looked_at: dict[tuple[Point, Point], int] = {}
 
     def plan(self, start: Point, goal: Point, prefer: Preference = "time") -> Route:
         """Plan a route as `plan_route` does; barriers are those of the most headings tried.
@@ -93,7 +99,7 @@ class WayFinder:
         """
         ends = start, goal
         count = self.tiles.survey.headings
-        first = search_route(self._terrain, self._vehicle, self._survey_with(count), *ends, prefer)
+        first = self._search(count, ends, prefer)
         if first.has_way or not self.finer:
             return replace(first.route(), tried_headings=(count,))
         most = self.finer[-1]
@@ -102,26 +108,39 @@ class WayFinder:
         tried: tuple[int, ...] = (count,)
         for headings in self.finer:
             tried = (*tried, headings)
-            search = search_route(
-                self._terrain, self._vehicle, self._survey_with(headings), *ends, prefer
-            )
+            search = self._search(headings, ends, prefer)
             if search.has_way:
                 break
         return replace(search.route(), tried_headings=tried)
+
+    def _search(self, headings: int, ends: tuple[Point, Point], prefer: Preference) -> RouteSearch:
+        """A search for a route with so many headings."""
+        survey = self._survey_with(headings)
+        search = search_route(self._terrain, self._vehicle, survey, *ends, prefer)
+        self._looked_at[ends] = search.looked_at
+        return search
 
     def all_go_longer(
         self, route: Route, start: Point, goal: Point, prefer: Preference = "time"
     ) -> float | None:
         """Difference in length, m, of the best way by margin from a route, if it alone is all go.
 
-        It takes another search, which is made where some of the route is caution; else None.
+        It takes another search, which is made where some of the route is caution; else None. The
+        search gives up where it would look at over a fifth more ground than that for the route did.
         """
         if prefer == "margin" or route.profile is None or not route.found:
             return None
         if not np.any(route.profile.verdict == Verdict.CAUTION):
             return None
-        tiles = self._survey_with(route.headings)
-        wide = search_route(self._terrain, self._vehicle, tiles, start, goal, "margin").route()
+        tiles, looked_at = self._survey_with(route.headings), self._looked_at.get((start, goal))
+        share, few = _MORE_GROUND
+        most = None if looked_at is None else int(share * looked_at) + few
+        search = search_route(
+            self._terrain, self._vehicle, tiles, start, goal, "margin", most_tiles=most
+        )
+        if not search.has_way or not search.is_go:
+            return None
+        wide = search.route()
         if wide.verdict != Verdict.GO or wide.length is None or route.length is None:
             return None
         return wide.length - route.length

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -184,10 +184,12 @@ def search_route(
     goal: Point,
     prefer: Preference = "time",
     penalties: NDArray[np.float32] | None = None,
+    most_tiles: int | None = None,
 ) -> RouteSearch:
     """Run the search of `plan_route` alone, without barriers.
 
-    Costs of cells are multiplied by `penalties`, (height, width), 1 or more; by 1 if None.
+    Costs of cells are multiplied by `penalties`, (height, width), 1 or more; by 1 if None. The
+    search gives up, without a way, where it would look at more than `most_tiles`.
 
     Raises:
         RequestError: start or goal is outside the terrain or the survey; there is no such
@@ -207,9 +209,9 @@ def search_route(
         return RouteSearch(on, places, ends, stands, None)
     costs, fill = _costs(on, prefer)
     if penalties is None:
-        found = _search_tiles(on, costs, fill, *ends)
+        found = _search_tiles(on, costs, fill, ends, most_tiles)
     else:
-        found = _search_tiles(on, *_penalised(costs, fill, penalties), *ends)
+        found = _search_tiles(on, *_penalised(costs, fill, penalties), ends, most_tiles)
         for tile in np.flatnonzero(costs.known).tolist():
             fill(part_of(tiles.window(tile)))  # the way is pulled straight by what it really costs
     near = 0 if penalties is None else _NEAR
@@ -225,7 +227,8 @@ class RouteSearch:
         places: start and goal, world x and y, m.
         ends: cells of start and goal.
         stands: whether the vehicle can stand at start and goal.
-        found: result of the search; None where the vehicle cannot stand at the start.
+        found: result of the search; None where the vehicle cannot stand at the start, and where
+            the search gave up.
         costs: costs of the search; None where there was none.
         near: cells by which corners of the way move at a time when it is pulled straight; 0 for any
             number.
@@ -238,6 +241,18 @@ class RouteSearch:
     found: SearchResult | None
     costs: Costs | None = None
     near: int = 0
+
+    @property
+    def looked_at(self) -> int:
+        """Number of tiles that the search looked at."""
+        return 0 if self.costs is None else int(np.count_nonzero(self.costs.known))
+
+    @property
+    def is_go(self) -> bool:
+        """Whether all states of the way are go."""
+        assert self.found is not None
+        verdict = self.on.survey.verdict[tuple(self.found.states.T)]
+        return bool(np.all(verdict == Verdict.GO))
 
     @property
     def has_way(self) -> bool:
@@ -473,24 +488,36 @@ def _penalised(
     return costs, fill_more
 
 
-def _search_tiles(
-    on: RouteSite, costs: Costs, fill: Callable[[Any], None], begin: Cell, end: Cell
-) -> SearchResult:
-    """Search for the cheapest way; `fill` fills in the costs of each tile on demand."""
+class _TooFarError(Exception):
+    """A search would look at more ground than it may."""
 
-    def fill_tiles(made: Iterable[int]) -> None:
-        for tile in made:
-            fill(part_of(on.tiles.window(tile)))
-            costs.known.reshape(-1)[tile] = True
+
+def _search_tiles(
+    on: RouteSite, costs: Costs, fill: Callable[[Any], None], ends: tuple[Cell, ...],
+    most: int | None = None,
+) -> SearchResult | None:  # fmt: skip
+    """Search for the cheapest way; `fill` fills in the costs of each tile on demand.
+
+    Tiles of `costs` that are known afterwards are those that the search asked for, whatever was
+    known of the survey before. None where these would be more than `most`.
+    """
+    begin, end = ends
 
     def ask(tile: int) -> None:
-        known = on.tiles.known.reshape(-1)[tile]
-        fill_tiles([tile] if known else on.tiles.make(tile, end))
+        if most is not None and np.count_nonzero(costs.known) >= most:
+            raise _TooFarError
+        if not on.tiles.known.reshape(-1)[tile]:
+            on.tiles.make(tile, end)
+        fill(part_of(on.tiles.window(tile)))
+        costs.known.reshape(-1)[tile] = True
 
-    ask(begin[0] // on.tiles.side * costs.known.shape[1] + begin[1] // on.tiles.side)
     headings = drivable(on.survey, np.s_[begin[0], begin[1]])
     starts = [(heading, *begin) for heading in np.flatnonzero(headings).tolist()]
-    return cheapest_way(costs, np.array(starts, np.int64), end, ask)
+    try:
+        ask(begin[0] // on.tiles.side * costs.known.shape[1] + begin[1] // on.tiles.side)
+        return cheapest_way(costs, np.array(starts, np.int64), end, ask)
+    except _TooFarError:
+        return None
 
 
 def _least_resistance(on: RouteSite, begin: Cell, end: Cell, bends: bool = True) -> Path:
@@ -518,7 +545,9 @@ def _least_resistance(on: RouteSite, begin: Cell, end: Cell, bends: bool = True)
         if (able := turnable(survey, on.turns, part)) is not None:
             costs.runs[part] *= np.where(able, 1.0, _BARRIER_WEIGHT)
 
-    states = _search_tiles(on, costs, fill, begin, end).states
+    found = _search_tiles(on, costs, fill, (begin, end))
+    assert found is not None
+    states = found.states
     if not len(states):  # there is no room at all for its arcs
         return _least_resistance(on, begin, end, False)
     if not radius or len(states) < 2:
