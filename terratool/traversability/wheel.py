@@ -6,7 +6,7 @@ All functions take numbers, or arrays that broadcast together.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -242,11 +242,6 @@ def grip(load: Any, soil: Soil, wheel: Wheel, slip: Any = 1.0) -> Numbers:
     """
     shape, soils, (weights, slips) = flatten_soils(soil, load, slip)
     return reshape(kernels.grips(weights, soils, slips, wheel), shape)
-
-
-def lateral_grip(load: Any, soil: Soil, wheel: Wheel) -> Numbers:
-    """Grip of a wheel against a push from the side, C + W μ, N: all of its strength."""
-    return grip(load, replace(soil, shear_modulus=0.0), wheel)
 
 
 def side_force(load: Any, soil: Soil, wheel: Wheel, slip: Any, crab: Any) -> Numbers:
