@@ -291,7 +291,7 @@ class TestWaypoints:
             math.hypot(*one) + math.hypot(*two) + 2.0 * angle - 4.0 * math.tan(0.5 * angle),
             rel=1e-3,
         )
-        said = f"arcs of 2 m: the way passes waypoint 2 {numbers.length(missed)} beside it."
+        said = f"arcs of 2 m: the way misses waypoint 2 by {numbers.length(missed)}."
         assert said in route.note
 
     def test_legs_that_are_too_short_bar(self) -> None:

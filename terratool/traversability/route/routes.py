@@ -389,10 +389,10 @@ def _rounding_note(misses: NDArray[np.float64], radius: float) -> str:
     if not misses.any():
         return ""
     worst = int(misses.argmax())
-    others = ", others nearer" if np.count_nonzero(misses) > 1 else ""
+    others = ", others by less" if np.count_nonzero(misses) > 1 else ""
     return (
-        f"Waypoints are rounded by arcs of {numbers.length(radius)}: the way passes waypoint "
-        f"{worst + 1} {numbers.length(float(misses[worst]))} beside it{others}."
+        f"Waypoints are rounded by arcs of {numbers.length(radius)}: the way misses waypoint "
+        f"{worst + 1} by {numbers.length(float(misses[worst]))}{others}."
     )
 
 
