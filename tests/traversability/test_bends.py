@@ -307,6 +307,16 @@ class TestWaypoints:
                     assert bar.reason == Reason.TURNING
                     assert (bar.place.x, bar.place.y) == pytest.approx(way[2])
 
+    @pytest.mark.parametrize("degrees", [5.0, 30.0, 67.0])
+    def test_what_a_car_can_back_out_of_is_not_one_way(self, degrees: float) -> None:
+        """Whatever its direction, between headings, too; a strip that is not climbed bars it."""
+        survey, terrain = drawn(("." * 60 + "\n") * 60, resolution=0.5), level(30, 30)
+        along = np.array([math.sin(math.radians(degrees)), math.cos(math.radians(degrees))])
+        points = [(2.0, 2.0), tuple(np.array([2.0, 2.0]) + 25.0 * along)]
+        assert check_route(terrain, car(12.0), survey, points).verdict == Verdict.GO
+        survey.verdict[3:7, 30:32] = survey.verdict[3:7, :, 30:32] = Verdict.NO_GO
+        assert check_route(terrain, car(12.0), survey, points).one_way
+
     def test_a_line_is_not_rounded(self) -> None:
         """Three points in a line, and a way there and back, which no arc can turn."""
         survey, terrain = drawn(("." * 20 + "\n") * 20), level(20, 20)
