@@ -66,14 +66,12 @@ def site(pixels: int) -> Survey:
         grid,
         (np.sin(x / 7) * np.cos(y / 11)).astype(np.float32),
         np.zeros(shape[1:], np.uint8),
-        plane(np.where(barred, Verdict.NO_GO, Verdict.GO), np.uint8),
-        plane(np.where(barred, Reason.STEP, Reason.NONE), np.uint8),
-        plane(rng.random(shape[1:])),
-        plane(0),
-        plane(0),
-        plane(0),
-        plane(rng.uniform(0, 0.4, shape[1:])),
-        plane(rng.uniform(5, 50, shape[1:])),
+        verdict=plane(np.where(barred, Verdict.NO_GO, Verdict.GO), np.uint8),
+        reason=plane(np.where(barred, Reason.STEP, Reason.NONE), np.uint8),
+        utilisation=plane(rng.random(shape[1:])),
+        slip=plane(rng.uniform(0, 0.4, shape[1:])),
+        energy=plane(rng.uniform(5, 50, shape[1:])),
+        **{name: plane(0) for name in ("pitch", "roll", "sinkage", "crab", "reserve")},
     )
 
 

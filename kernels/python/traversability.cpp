@@ -1,8 +1,8 @@
 // What Python sees of kernels/traversability.
 #include "../traversability/belts.hpp"
 #include "../traversability/pulling.hpp"
-#include "../traversability/samples.hpp"
 #include "../traversability/turning.hpp"
+#include "../traversability/uneven.hpp"
 #include "bind.hpp"
 #include "modules.hpp"
 
@@ -98,11 +98,13 @@ public:
     Search search;
 };
 
-Drive drive(const Layout& layout, In load, const Soils& soil, double pull, Out sinkage) {
+Drive drive(
+    const Layout& layout, double weight, double pitch, const Soils& soil, double pull, Out sinkage
+) {
     auto wheels = wheels_on(layout, soil);
-    give_loads(wheels, layout, load);
+    load_wheels(wheels, layout, weight, gravity(tan(pitch), 0.0));
     Drive found = drive_wheels(wheels, pull);
-    for (std::size_t n = 0; n < load.size(); ++n) sinkage[n] = depth_of(wheels, i64(n));
+    for (std::size_t n = 0; n < sinkage.size(); ++n) sinkage[n] = depth_of(wheels, i64(n));
     return found;
 }
 
@@ -197,6 +199,7 @@ void bind_traversability(nb::module_ m) {
     visit_enumerators(Plane{}, [&](const char* name, Plane plane) { m.attr(name) = int(plane); });
     m.attr("FULL_LUG") = FULL_LUG, m.attr("REACH") = REACH;
     m.attr("RIM_FRICTION") = RIM_FRICTION, m.attr("GROWTH") = GROWTH;
+    m.attr("MOST_GRIP") = MOST_GRIP;
     m.def(
         "check_records",
         [](nb::handle traction, nb::handle demand) {
@@ -269,8 +272,8 @@ void bind_traversability(nb::module_ m) {
         {"layout", "weight", "pitch", "roll"}
     );
     def<&drive>(
-        m, "drive", "What it asks of a vehicle's wheels to push.",
-        {"layout", "load[w]", "soil", "pull", "sinkage[w]"}
+        m, "drive", "What it asks of a vehicle's wheels to push on a slope.",
+        {"layout", "weight", "pitch", "soil", "pull", "sinkage[w]"}
     );
     def<&steepest>(
         m, "steepest", "The largest slope on a soil, and the reason that limits it.",
@@ -280,9 +283,13 @@ void bind_traversability(nb::module_ m) {
         m, "crab_across", "The crab angle of a vehicle that drives across a slope.",
         {"layout", "weight", "soil", "angle"}
     );
+    def<&braking>(
+        m, "braking", "What brakes a vehicle on the level, as a share of its weight.",
+        {"layout", "weight", "soil"}
+    );
     def<&turn_on_spot>(
         m, "turn_on_spot", "What it takes a vehicle to turn on the spot by a radian.",
-        {"layout", "x[w]", "y[w]", "load[w]", "soil", "slip"}
+        {"layout", "x[w]", "y[w]", "weight", "soil", "slip"}
     );
     def<&judge>(
         m, "judge", "Verdict, reason and largest share of measures.",

@@ -107,19 +107,19 @@ inline void rest_belts(Ground ground, i64 first, const Belts& belts, Cube<float>
 struct FootholdLimits {
     double rough;                // how far ground may be from its plane, m
     In grip;                     // tangent of the slope on which a foot slides, by surface and one
-    In load;                     // share of what each bears
+    In depth;                    // share of a step that a foot stands deep in each
     Matrix<const float> shifts;  // of the foot's pixels, to the east and the south, m
     Offsets patch;               // rows and columns of these pixels
 };
 
 template <class Visit> void visit_arguments(FootholdLimits& f, Visit visit) {
-    visit("rough", f.rough), visit("grip[s]", f.grip), visit("load[s]", f.load);
+    visit("rough", f.rough), visit("grip[s]", f.grip), visit("depth[s]", f.depth);
     visit("shifts[k,2]", f.shifts), visit("patch[k,2]", f.patch);
 }
 
 // For each pixel of the ground the largest share of a foothold's limits that a foot set there
 // takes: slope of the plane that fits its patch best, the largest distance of ground from that, and
-// what the soil bears. Infinity where ground is missing, and along the edges.
+// the depth in which the soil bears it. Infinity where ground is missing, and along the edges.
 template <class Id>
 void rate_footholds(
     Heights heights, Matrix<const Id> surfaces, const FootholdLimits& limits, Matrix<float> out
@@ -159,7 +159,7 @@ void rate_footholds(
             for (i64 c = 0; c < count; ++c) {
                 i64 id = i64(surfaces(i, lost + j + c));
                 double slope = hypot(double(east[c]), double(south[c]));
-                double share = max(double(far[c]) / limits.rough, limits.load[id]);
+                double share = max(double(far[c]) / limits.rough, limits.depth[id]);
                 if (slope > 0.0) share = max(share, slope / limits.grip[id]);
                 bool known = middle[c] > NO_GROUND && total[c] - total[c] == 0.0f;
                 out(i, lost + j + c) = known ? float(share) : float(INF);

@@ -74,7 +74,7 @@ struct Costs {
     i64 tile;                  // their side, in cells
     double resolution;         // side of a cell, m
     Matrix<const float> turn;  // by one heading, at each cell; infinity where it cannot
-    Matrix<const float> runs;  // and so many metres at the rate of the heading, likewise
+    Matrix<const float> runs;  // so many metres at the rate of its heading a turn costs, too
     double backward;           // a metre backwards weighs so many ahead
     double shift;              // to change gear costs so many metres, of those that bend
     double least;              // no metre costs less

@@ -12,8 +12,8 @@
 #include <optional>
 #include <variant>
 
+#include "driving.hpp"
 #include "sweeps.hpp"
-#include "vehicle.hpp"
 
 namespace terratool::traversability {
 

@@ -81,7 +81,7 @@ struct Wheel {
     double rolling = 0.0;  // resistance of the wheel itself on hard ground, by its load
     i64 gear = WHEELS;     // `Gear`: also a section of a track, or a foot
     double length = 0.0;   // L of the track that it is a section of, m
-    double area = 0.0;     // that this track has on the ground, or a foot, m²
+    double area = 0.0;     // of that track on the ground, or of a foot, m²
 };
 
 template <class Visit> void visit_arguments(Wheel& w, Visit visit) {
@@ -100,6 +100,8 @@ struct Soil {
     double shear_modulus;   // K, m; 0 where it is not known: all strength is mobilised at any slip
     double rolling = 0.0;   // resistance of the ground beside that of sinking in, by a wheel's load
     double exponent = 1.0;  // n: pressure under a plate grows with the power n of its sinkage
+
+    bool operator==(const Soil&) const = default;
 };
 
 // What wheels have done to the ground: so many passes, of which the deepest was `first` deep when
@@ -138,8 +140,8 @@ struct Contact {
     // z as the wheel slips.
     double sinkage(double slip, double radius) const {
         if (digging == 0.0 || slip == 0.0) return rest;
-        double angle = min(entry + digging * min(slip, 1.0), 0.5 * PI);
-        return max(rest, 2.0 * radius * square(sin(0.5 * angle)));
+        double angle = entry + digging * min(slip, 1.0);
+        return max(rest, angle < 0.5 * PI ? 2.0 * radius * square(sin(0.5 * angle)) : radius);
     }
 
     // A, the share of the strength that a slip mobilises.
@@ -357,6 +359,12 @@ INLINE SideForce side_force(const Contact& at, double slip, double tangent) {
     double sliding = hypot(along, across), yielding = at.reach * sliding + 2.0;
     if (at.reach == 0.0) return {sliding > 0.0 ? at.grip * across / sliding : 0.0, 0.0};
     double turned = sliding > 0.0 ? square(along) / sliding : 0.0;
+    if (at.flat) {
+        double x = at.reach * sliding, part = sliding > 0.0 ? across / sliding : 1.0;
+        double share = x > 0.0 ? mean_mobilised(x) / x : 0.5;
+        double growth = square(part) * mean_growth(x) + share * (1.0 - square(part));
+        return {at.grip * at.reach * share * across, at.grip * at.reach * (1.0 - along) * growth};
+    }
     return {
         at.grip * at.reach * across / yielding,
         (1.0 - along) * at.grip * at.reach * (2.0 + at.reach * turned) / square(yielding)

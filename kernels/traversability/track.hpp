@@ -19,8 +19,9 @@ constexpr double MOST_GRIP = 1.16;
 
 // Where the tracks of a vehicle are, for their loads; of length 0 where it has none.
 struct TrackPair {
-    double length, apart;   // L, and the distance of their middles, m
-    double middle, height;  // of the tracks ahead of the centre of gravity; of that over the ground
+    double length, apart;  // L, and the distance of their middles, m
+    double middle;         // how far their middles are ahead of the centre of gravity, m
+    double height;         // of the centre of gravity over the ground, m
 };
 
 template <class Visit> void visit_arguments(TrackPair& t, Visit visit) {
@@ -28,8 +29,9 @@ template <class Visit> void visit_arguments(TrackPair& t, Visit visit) {
     visit("middle", t.middle), visit("height", t.height);
 }
 
-// What a track's pressure adds up to from the end that bears most to so far behind it, as a share.
-// The load acts `e` ahead of the middle in that direction; a trapezium up to L/6, then a triangle.
+// The share of a track's load that its ground bears between the end that bears most and a place so
+// far behind that. The load acts `e` from the middle, towards that end. Pressure is a trapezium for
+// e up to L/6, then a triangle.
 inline double pressed_share(double length, double e, double behind) {
     double half = 0.5 * length;
     if (6.0 * e <= length) {
@@ -52,15 +54,20 @@ inline double mean_mobilised(double x) {
     return x < INF ? 1.0 + std::expm1(-x) / x : 1.0;
 }
 
-// x that mobilises a share below 1 so.
+// The growth of that mean with x.
+inline double mean_growth(double x) {
+    if (x < 1e-3) return 0.5 - x / 3.0;
+    double fall = std::expm1(-x);
+    return (-fall - x * (1.0 + fall)) / (x * x);
+}
+
+// The x of which that mean is a share below 1.
 inline double mean_shear(double share) {
     if (share <= 0.0) return 0.0;
     if (share < 1e-4) return 2.0 * share * (1.0 + share * (2.0 / 3.0));
     double x = share * (2.0 - share) / (1.0 - share);  // right at both ends
     for (int n = 0; n < 5; ++n) {                      // Newton
-        double fall = std::expm1(-x);
-        double slope = (-fall - x * (1.0 + fall)) / (x * x);
-        x = max(x - (1.0 + fall / x - share) / slope, 0.5 * x);
+        x = max(x - (mean_mobilised(x) - share) / mean_growth(x), 0.5 * x);
     }
     return x;
 }

@@ -142,16 +142,16 @@ private:
     }
 };
 
-// Turn a vehicle whose wheels, at `x` and `y`, bear loads on one soil. `slip` is the largest that
-// treads may have. A wheel that is not driven, or stands in the middle, does not push.
+// Turn a vehicle whose wheels are at `x` and `y` on the level of one soil. `slip` is the largest
+// that treads may have. A wheel that is not driven, or stands in the middle, does not push.
 inline Turn turn_on_spot(
-    const Layout& layout, In x, In y, In load, const Soils& soil, double slip
+    const Layout& layout, In x, In y, double weight, const Soils& soil, double slip
 ) {
     constexpr double all = 1.0 - 1e-9;  // beyond, nothing acts sideways any more
     constexpr int halvings = 60;
     auto wheels = wheels_on(layout, soil);
     // none runs in the track of another
-    give_loads(wheels, layout, load);
+    load_wheels(wheels, layout, weight, {0.0, 0.0, 1.0});
     for (LoadedWheel& f : wheels) f.ahead = -1;
     sink_wheels(wheels);
     auto turning = [&](bool motors) {

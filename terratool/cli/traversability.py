@@ -188,8 +188,8 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         "--height-error",
         nargs=2,
         type=float,
-        metavar="M M",
-        help="Of heights: standard deviation, and the length over which it is alike.",
+        metavar="M L",
+        help="Heights are off by M m (standard deviation), alike over L m.",
     ),
     click.option(
         "--threads", type=click.IntRange(1), metavar="N", help="[default: one a processor]"

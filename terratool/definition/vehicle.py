@@ -271,8 +271,13 @@ _DRIFT = Key(
     "an angle in degrees, above 0 and below 90", "number", 0, 90, open_low=True, open_high=True
 )
 _X = Key("a position in metres, positive ahead, up to 1e6 in size", "number", -MOST, MOST)
-ROLLING = Key("a coefficient, from 0 to below 1", "number", 0, 1, open_high=True)
-"""Key for a coefficient of rolling resistance, force over load."""
+_ROLLING = Key("a coefficient, from 0 to below 1", "number", 0, 1, open_high=True)
+ROLLING = 0.02
+"""Default coefficient of rolling resistance of a tyre: an assumption, for small tyres. Worn roads
+have 0.02 (Carvill, Mechanical Engineer's Data Handbook, 1993)."""
+LUGS = 0.1
+"""Default height of a lugged wheel's lugs, in radii: 25 mm on 0.25 m, as on the wheel of NASA's
+MGRU3."""
 _WHEEL = {
     "radius": measure("a radius", "metres").describe(
         "Radius of the rim or the tyre, without lugs, m.", 0.1651,
@@ -302,10 +307,11 @@ _WHEEL = {
         "Largest torque at each driven wheel, behind the gear, N m. Without it, the soil "
         "alone limits the thrust.", 14,
     ),
-    "rollingResistance": ROLLING.describe(
-        "Force over load with which the wheel resists rolling, whatever it stands on: 0.02 of a "
-        "tyre if it is left out, 0 of a rigid rim. Where that of the ground is larger it counts.",
-        0.02,
+    "rollingResistance": _ROLLING.describe(
+        "Force over load with which the wheel resists rolling, whatever it stands on: "
+        f"{ROLLING} of a tyre if it is left out, 0 of a rigid rim. Where that of the ground is "
+        "larger it counts.",
+        ROLLING,
     ),
 }  # fmt: skip
 """Keys of the common wheels, and of the wheels of an axle."""

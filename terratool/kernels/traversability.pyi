@@ -33,6 +33,8 @@ RIM_FRICTION: float = 0.46
 
 GROWTH: float = 0.305
 
+MOST_GRIP: float = 1.16
+
 def check_records(traction: np.dtype[Any], demand: np.dtype[Any]) -> None:
     """Refuse dtypes that are not the structs of the kernels."""
 
@@ -152,12 +154,12 @@ def wheel_loads(layout: Any, weight: float, pitch: float, roll: float) -> NDArra
     """Loads of a vehicle's wheels on a slope."""
 
 def drive(
-    layout: Any, load: NDArray[np.float64], soil: Any, pull: float, sinkage: NDArray[np.float64]
+    layout: Any, weight: float, pitch: float, soil: Any, pull: float, sinkage: NDArray[np.float64]
 ) -> dict[str, Any]:
     """
-    What it asks of a vehicle's wheels to push.
+    What it asks of a vehicle's wheels to push on a slope.
 
-    Shapes: load[w], sinkage[w].
+    Shapes: sinkage[w].
     """
 
 def steepest(across: bool, layout: Any, weight: float, soil: Any, slip: float) -> dict[str, Any]:
@@ -166,18 +168,21 @@ def steepest(across: bool, layout: Any, weight: float, soil: Any, slip: float) -
 def crab_across(layout: Any, weight: float, soil: Any, angle: float) -> float:
     """The crab angle of a vehicle that drives across a slope."""
 
+def braking(layout: Any, weight: float, soil: Any) -> float:
+    """What brakes a vehicle on the level, as a share of its weight."""
+
 def turn_on_spot(
     layout: Any,
     x: NDArray[np.float64],
     y: NDArray[np.float64],
-    load: NDArray[np.float64],
+    weight: float,
     soil: Any,
     slip: float,
 ) -> dict[str, Any]:
     """
     What it takes a vehicle to turn on the spot by a radian.
 
-    Shapes: x[w], y[w], load[w].
+    Shapes: x[w], y[w].
     """
 
 def judge(

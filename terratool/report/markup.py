@@ -10,13 +10,13 @@ from typing import Any
 
 from terratool.text.display import printable
 
-_UNIT = re.compile(r"(?<=\d) (?=%|(?:mm|km|m|s|min|h|J|Wh|kWh|N|kg|W)\b)")
+_UNIT = re.compile(r"(?<=\d) (?=%|(?:mm|km|m|s|min|h|J|Wh|kWh|N|kg|W)\b)|(?<=\d,) (?=[\d.−-]+\))")
 # characters that begin markup anywhere in a line, in table cells and HTML, too
 _MARKUP = re.compile(r"([\\`*_{}\[\]<>&|~#$])")
 
 
 def escape_html(text: str) -> str:
-    """Escape a text for HTML, on one line, with no-break spaces between numbers and units."""
+    """Escape a text for HTML, on one line, with no-break spaces in quantities and places."""
     return _UNIT.sub("\u00a0", html.escape(printable(text)))
 
 

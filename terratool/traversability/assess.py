@@ -14,7 +14,7 @@ from terratool.io.geotiff import TILE
 from terratool.tasks import thread_count
 from terratool.traversability.blocked import blocked_start
 from terratool.traversability.map import begin_of, stream_map
-from terratool.traversability.map_files import MapExtent, MapFiles
+from terratool.traversability.map_files import MapFiles
 from terratool.traversability.map_results import MapSummary, Preview
 from terratool.traversability.notes import (
     alternatives_note,
@@ -160,8 +160,7 @@ def _judge_map(
         return None
     threads, files = thread_count(prepared.request.threads), None
     if map_path is not None:
-        extent = MapExtent(builder.grid, builder.further, builder.headings)
-        files = MapFiles(stack, terrain, extent, Path(map_path), overwrite, threads)
+        files = MapFiles(stack, terrain, prepared.extent, Path(map_path), overwrite, threads)
     with crew_of(prepared.request.dask, threads) as crew:
         if prepared.shares_survey:
             assert prepared.tiles is not None

@@ -12,7 +12,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.output import is_same_file
 from terratool.traversability.fineness import finest_resolution, parts_of
-from terratool.traversability.map_files import further_bands, refuse_full_disk_of_maps
+from terratool.traversability.map_files import refuse_full_disk_of_maps
 from terratool.traversability.preparing import (
     PreparedRequest,
     chosen_resolution,
@@ -93,9 +93,7 @@ def prepare(
         for vehicle in vehicles
     ]  # fmt: skip
     if map_path is not None:
-        walks = any(one.vehicle.feet is not None for one in prepared)
-        further = further_bands(walks, prepared[0].draws is not None)
-        refuse_full_disk_of_maps([one.grid for one in prepared], Path(map_path), further)
+        refuse_full_disk_of_maps([one.extent for one in prepared], Path(map_path))
     return PreparedComparison(prepared, notes)
 
 

@@ -46,7 +46,7 @@ class Chances:
         drives: probability of go or caution, from 0 to 1.
         climb_low: climb that 5 % of the samples stay below, rad; None where the vehicle cannot
             even drive on the level.
-        climb_high: climb that 5 % of the samples exceed, rad; None likewise.
+        climb_high: climb that 5 % of the samples exceed, rad; None like the other one.
     """
 
     go: float
@@ -62,7 +62,7 @@ class LoadSpan:
     Attributes:
         load: load with which it can do least, whose figures those of the surface are.
         climb: steepest slope that is climbed, rad; None where it cannot even drive on the level.
-        cross_slope: steepest cross-slope, rad; None likewise.
+        cross_slope: steepest cross-slope, rad; None like the climb.
         step: height of the highest step that is climbed, m.
     """
 
@@ -143,6 +143,8 @@ class Figures:
         loads: what it can do with each of its loads, if these differ; other figures are then those
             of the load with which it can do least, and of energy and stopping the worst of all.
         bearing: load that the soil bears on a foot, N; None for wheels, tracks and rigid ground.
+        borne_at: depth in which a foot stands, m: its sinkage, or where the soil bears it if that
+            is deeper; None like the load that it bears.
     """
 
     surface: str
@@ -196,3 +198,4 @@ class Figures:
     speed_limit: float | None = None
     loads: LoadSpan | None = None
     bearing: float | None = None
+    borne_at: float | None = None

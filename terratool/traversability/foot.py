@@ -44,7 +44,7 @@ def bearing_load(cohesion: Any, friction: Any, unit_weight: Any, diameter: Any) 
     """Load that soil bears on a disc at its surface, (1.3 c Nc + 0.3 γ B Nγ) A, N.
 
     K. Terzaghi, *Theoretical Soil Mechanics*, 1943, with Vesic's factors. What a foot that has sunk
-    in gains by the soil beside it, γ z Nq, is left out.
+    in gains by the soil beside it is left out: see `borne_at`.
 
     Args:
         cohesion: c, Pa.
@@ -58,6 +58,26 @@ def bearing_load(cohesion: Any, friction: Any, unit_weight: Any, diameter: Any) 
         + _WEIGHING * 0.5 * unit_weight * diameter * factors.weight
     )
     return pressure * disc_area(diameter)
+
+
+def borne_at(load: Any, cohesion: Any, friction: Any, unit_weight: Any, diameter: Any) -> Any:
+    """Depth at which soil bears a disc, m; 0 where it does at its surface.
+
+    The soil beside a disc z deep adds γ z Nq (1 + tan φ) to the pressure that is borne: Terzaghi's
+    term of the surcharge with the shape factor of a circle, E. E. De Beer, *Experimental
+    determination of the shape factors and the bearing capacity factors of sand*, Géotechnique 20,
+    1970, and Vesic, 1973. Factors of depth, which are above 1, are left out.
+
+    Args:
+        load: N, that the disc bears, N.
+        cohesion: c, Pa.
+        friction: φ, rad.
+        unit_weight: γ, weight of a volume of soil under the gravity there, N/m³.
+        diameter: B, m.
+    """
+    lacking = load - bearing_load(cohesion, friction, unit_weight, diameter)
+    gained = unit_weight * bearing_factors(friction).surcharge * (1.0 + np.tan(friction))
+    return np.maximum(lacking, 0.0) / (gained * disc_area(diameter))
 
 
 def foot_grip(

@@ -13,12 +13,15 @@ from terratool.traversability.footprint import (
     Offsets,
     reach_offsets,
 )
-from terratool.traversability.gear import ROUGH_FOOTHOLD, foot_friction, foot_share
+from terratool.traversability.gear import ROUGH_FOOTHOLD, foot_friction
 from terratool.traversability.limits import (
     wheel_layout,
 )
 from terratool.traversability.soil import soils
 from terratool.traversability.vehicle import Vehicle
+
+_SOONER = 1.0 - 1e-5
+"""Factor on shares of depths, so that sinkage binds on the level, and not the foothold."""
 
 
 class FootholdLimits(NamedTuple):
@@ -27,14 +30,14 @@ class FootholdLimits(NamedTuple):
     Attributes:
         rough: largest distance of ground from the plane under a foot, m.
         grip: (surfaces + 1,) tangent of the slope on which a foot slides; infinity if not known.
-        load: (surfaces + 1,) share of what each bears that a foot loads it with.
+        depth: (surfaces + 1,) share of a step that a foot stands deep in each.
         shifts: (n, 2) float32, m east and south, of the pixels under a foot.
         patch: offsets of these pixels.
     """
 
     rough: float
     grip: NDArray[np.float64]
-    load: NDArray[np.float64]
+    depth: NDArray[np.float64]
     shifts: NDArray[np.float32]
     patch: Offsets
 
@@ -71,14 +74,14 @@ def foothold_search(terrain: Terrain, vehicle: Vehicle, resolution: float) -> Fo
     """The search for footholds of a vehicle on feet, on ground of a resolution, m."""
     feet, layout = vehicle.feet, wheel_layout(vehicle)
     assert feet is not None
-    grip, load = [math.inf], [0.0]
-    known = soils(terrain, vehicle)
-    for soil, surface in zip(known[1:], terrain.surface_types.values(), strict=True):
+    grip, depth = [], []
+    for soil in soils(terrain, vehicle):
         grip.append(math.inf if soil is None else foot_friction(vehicle, soil))
-        load.append(0.0 if soil is None else foot_share(vehicle, surface, soil))
+        deep = 0.0 if soil is None else soil.sinkage * vehicle.weight / vehicle.wheels
+        depth.append(_SOONER * deep / feet.step_height)
     patch = reach_offsets(max(0.5 * feet.diameter, resolution), resolution)
     limits = FootholdLimits(
-        ROUGH_FOOTHOLD * feet.diameter, np.array(grip), np.array(load),
+        ROUGH_FOOTHOLD * feet.diameter, np.array(grip), np.array(depth),
         np.asarray(patch[:, ::-1] * resolution, np.float32), patch,
     )  # fmt: skip
     x, y = layout.x - layout.x.mean(), layout.y

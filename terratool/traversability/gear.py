@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 from msgspec import UNSET
@@ -10,7 +11,7 @@ from msgspec import UNSET
 from terratool.definition.keys import default_of
 from terratool.definition.model import Surface
 from terratool.definition.presets import Preset, property_of
-from terratool.traversability.foot import bearing_load, disc_area, foot_grip
+from terratool.traversability.foot import bearing_load, borne_at, disc_area, foot_grip
 from terratool.traversability.track import (
     MOST_GRIP,
     SECTIONS,
@@ -35,8 +36,8 @@ GEAR_ASSUMPTIONS = {
         "statics until the centre of gravity is above its edge.",
     ),
     "feet": (
-        "Feet are flat discs: sinkage is Bekker's (1969) for a plate, bearing Terzaghi's (1943) "
-        "with Vesic's factors (1973) without the soil beside a sunken foot, and all strength holds "
+        "Feet are flat discs: sinkage is Bekker's (1969) for a plate, or as deep as it takes until "
+        "the soil bears them, by Terzaghi (1943) with Vesic's factors (1973). All strength holds "
         "them. No measured foot has been compared with it.",
         "A surface's sinkage counts as that of a foot, by its load.",
         "A stance is judged at rest, by its footholds; gait, balance in motion and joints are not. "
@@ -83,12 +84,15 @@ def foot_bears(vehicle: Vehicle, surface: Surface, soil: Soil) -> float:
     return float(bearing_load(soil.cohesion, soil.friction, weight, vehicle.feet.diameter))
 
 
-def foot_share(vehicle: Vehicle, surface: Surface, soil: Soil) -> float:
-    """Share of what a surface bears that a foot loads it with; 0 for wheels and tracks."""
-    if not vehicle.feet:
-        return 0.0
-    bears = foot_bears(vehicle, surface, soil)
-    return foot_load(vehicle) / bears if bears > 0.0 else math.inf
+def bearing_soil(vehicle: Vehicle, surface: Surface, soil: Soil) -> Soil:
+    """A soil in which feet sink in until it bears them, if not as deep as `soil` lets them."""
+    if not (vehicle.feet and soil.sinkage > 0.0):
+        return soil
+    weight, at_rest = unit_weight_of(surface), vehicle.weight / vehicle.wheels
+    depth = borne_at(
+        foot_load(vehicle), soil.cohesion, soil.friction, weight, vehicle.feet.diameter
+    )
+    return replace(soil, sinkage=max(soil.sinkage, float(depth) / at_rest))
 
 
 def foot_friction(vehicle: Vehicle, soil: Soil) -> float:
@@ -116,16 +120,19 @@ def gear_figures(vehicle: Vehicle, surface: Surface, soil: Soil, slip: float) ->
     Args:
         vehicle: a vehicle on tracks or feet.
         surface: the surface.
-        soil: its soil.
+        soil: its soil, as it sinks in by itself (`resting_soil`).
         slip: slip at which a track pulls.
     """
     if vehicle.feet:
         load, area = foot_load(vehicle), disc_area(vehicle.feet.diameter)
         held, bears = load * foot_friction(vehicle, soil), foot_bears(vehicle, surface, soil)
+        at_rest, soft = vehicle.weight / vehicle.wheels, math.isfinite(bears)
+        depth = bearing_soil(vehicle, surface, soil).sinkage * at_rest
         return {
             "load": load, "contact_area": area, "pressure": load / area, "thrust": held,
-            "sinkage": soil.sinkage * vehicle.weight / vehicle.wheels, "resistance": 0.0,
-            "drawbar": held, "bearing": bears if math.isfinite(bears) else None,
+            "sinkage": soil.sinkage * at_rest, "resistance": 0.0, "drawbar": held,
+            "sinkage_rate": soil.sinkage / rate_factor(vehicle), "bearing": bears if soft else None,
+            "borne_at": depth if soft else None,
         }  # fmt: skip
     tracks = vehicle.tracks
     assert tracks is not None
@@ -136,6 +143,7 @@ def gear_figures(vehicle: Vehicle, surface: Surface, soil: Soil, slip: float) ->
     held = min(held, tracks.max_torque / tracks.radius)
     return {
         "load": load, "contact_length": tracks.length, "contact_area": area, "sinkage": sinkage,
+        "sinkage_rate": soil.sinkage / rate_factor(vehicle),
         "pressure": load / area, "thrust": held, "resistance": resistance,
         "drawbar": held - resistance, "limit_torque": held * tracks.radius,
     }  # fmt: skip

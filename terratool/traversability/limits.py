@@ -141,11 +141,13 @@ def wheel_layout(vehicle: Vehicle) -> WheelLayout:
         shares[:, 1] = lever * vehicle.cog_height
     if sides > 0.0:
         shares[:, 2] = ys / sides * vehicle.cog_height
-    ahead, tracks, ends = _ahead(xs, ys), TrackPair(), xs
+    # a track is a single pass, and feet have places of their own
+    ahead = _ahead(xs, ys) if vehicle.gear == "wheels" else np.full(count, -1)
+    tracks, ends = TrackPair(), xs
     if vehicle.tracks:
-        # a track is a single pass, and stands up to its ends
+        # it stands up to the ends of its tracks
         middle, half = vehicle.middle, 0.5 * vehicle.wheelbase
-        ahead, ends = np.full(count, -1), np.where(xs > middle, middle + half, middle - half)
+        ends = np.where(xs > middle, middle + half, middle - half)
         tracks = TrackPair(2.0 * half, vehicle.track_width, middle, vehicle.cog_height)
     return WheelLayout(
         xs, ys, np.array(driven), ahead, DEFAULT_MULTIPASS, shares,
@@ -345,7 +347,7 @@ class SlopeDemand(NamedTuple):
         slip: slip of a wheel; 0 where it is not known.
         sinkage: sinkage of a wheel, m.
         depth: sinkage of a wheel as a share of its radius.
-        lifts: whether any wheel bears no load.
+        lifts: whether any wheel bears no load; tracks lift where they tip over.
         energy: energy of all wheels for a metre of ground, J.
     """
 
@@ -373,11 +375,13 @@ def slope_demand(vehicle: Vehicle, soil: Soil, slope: float = 0.0) -> SlopeDeman
     layout = wheel_layout(vehicle)
     loads = kernels.wheel_loads(layout, vehicle.weight, slope, 0.0)
     sinkage, push = np.empty_like(loads), vehicle.weight * math.sin(slope)
-    need = kernels.drive(layout, loads, under_wheels(soil), push, sinkage)
+    need = kernels.drive(layout, vehicle.weight, slope, under_wheels(soil), push, sinkage)
+    tracks = layout.tracks
+    tips = abs(tracks.height * math.tan(slope) + tracks.middle) >= 0.5 * tracks.length
     return SlopeDemand(
         need["torque"], need["torque_used"], need["utilisation"], need["slip"],
         float(sinkage.max()), float(np.max(sinkage / layout.wheels.radius)),
-        bool((loads <= 0.0).any()), need["power"],
+        tips if tracks.length else bool((loads <= 0.0).any()), need["power"],
     )  # fmt: skip
 
 
@@ -386,18 +390,14 @@ def level_demand(vehicle: Vehicle, soil: Soil) -> SlopeDemand:
     return slope_demand(vehicle, soil)
 
 
-def judge_level(vehicle: Vehicle, need: SlopeDemand, loaded: float = 0.0) -> Judgement:
-    """Judge a demand on level ground: traction, slip, torque, sinkage, and the body's clearance.
-
-    `loaded` is the share of what the soil bears that a foot loads it with.
-    """
+def judge_level(vehicle: Vehicle, need: SlopeDemand) -> Judgement:
+    """Judge a demand on level ground: traction, slip, torque, sinkage, and the body's clearance."""
     limits, slip = vehicle.thresholds, slip_limit(vehicle)
     measures = [
         Measure(Reason.TRACTION, need.utilisation, limits.utilisation, True),
         Measure(Reason.SLIP, need.slip / slip, limits.slip / slip, True),
         Measure(Reason.TORQUE, need.torque_used, limits.torque),
         Measure(Reason.SINKAGE, need.depth, limits.geometry, True),
-        Measure(Reason.FOOTHOLD, loaded, limits.geometry, True),
     ]
     if math.isfinite(vehicle.clearance):
         share = share_of(need.sinkage, vehicle.clearance - vehicle.margins.clearance)

@@ -212,7 +212,7 @@ class MapBuilder:
         self._surveyor = surveyor
         self.terrain, self.grid, self.headings = terrain, grid, surveyor.headings
         self.sampled = surveyor.uncertainty is not None
-        self.further = further_bands(surveyor.vehicle.feet is not None, self.sampled)
+        self.further = further_bands(walks=surveyor.vehicle.feet is not None, sampled=self.sampled)
         self.kept = empty_bands(flat, self.further) if keep else None
         self.chance = np.full(flat, np.nan, np.float32) if self.sampled else None
         self.reason = np.zeros(flat, np.uint8)

@@ -23,7 +23,6 @@ from terratool.raster.formats import raster_format
 from terratool.raster.geotiff import RasterExtent, crs_of, terrain_tiff
 from terratool.raster.grid import Grid, Window
 from terratool.raster.statistics import band_statistics
-from terratool.traversability.map_results import HEADINGS
 from terratool.traversability.route.reach import bits_type
 from terratool.traversability.tiles import part_of
 from terratool.traversability.verdicts import COLORS, GroundClass, Reason, Verdict
@@ -67,15 +66,19 @@ _SUFFIXES = ("", "-worst", "-headings", "-classes", "-numbers")
 """Endings of the stems of a map's files, in the order of `_files`."""
 
 
-def _files(further: Sequence[str], headings: int = HEADINGS) -> tuple[Bands, ...]:
+def _files(further: Sequence[str], headings: int) -> tuple[Bands, ...]:
     """Bands of each file of a map, with the names of what follows `NUMBERS`."""
     mask = Bands((DRIVABLE,), ("",), bits_type(headings), "bits", 0.0, ("",))
+    return VERDICT, WORST, mask, CLASSES, _numbers(further)
+
+
+def _numbers(further: Sequence[str]) -> Bands:
+    """`NUMBERS`, and what follows them."""
     units = (*NUMBERS.units, *("1" for _ in further))
-    numbers = Bands((*NUMBERS.names, *further), units, NUMBERS.dtype)
-    return VERDICT, WORST, mask, CLASSES, numbers
+    return Bands((*NUMBERS.names, *further), units, NUMBERS.dtype)
 
 
-def further_bands(walks: bool, sampled: bool) -> tuple[str, ...]:
+def further_bands(*, walks: bool, sampled: bool) -> tuple[str, ...]:
     """Names of bands that follow `NUMBERS`, for a vehicle that `walks`, and `sampled` soils."""
     return (FOOTHOLD,) * walks + (CHANCE,) * sampled
 
@@ -97,7 +100,7 @@ class MapBands(NamedTuple):
 
 def empty_bands(flat: tuple[int, int], further: Sequence[str]) -> MapBands:
     """Uninitialised bands of a (height, width) window, with those that follow `NUMBERS`."""
-    files = VERDICT, *_files(further)[-2:]
+    files = VERDICT, CLASSES, _numbers(further)
     return MapBands(*(np.empty((file.count, *flat), file.dtype) for file in files))
 
 
@@ -112,7 +115,7 @@ class MapExtent(NamedTuple):
 
     grid: Grid
     further: Sequence[str]
-    headings: int = HEADINGS
+    headings: int
 
 
 class MapFiles:
@@ -181,14 +184,15 @@ def refuse_map(terrain: Terrain, surveyed: MapExtent, path: Path, overwrite: boo
     refuse_full_disk(path, surveyed.grid, files, raster_format(path, cog=True))
 
 
-def refuse_full_disk_of_maps(grids: Sequence[Grid], path: Path, further: Sequence[str]) -> None:
+def refuse_full_disk_of_maps(maps: Sequence[MapExtent], path: Path) -> None:
     """Refuse maps that do not all fit on the disk together; `path` is in their folder.
 
     Raises:
         WriteError: the maps do not fit.
     """
-    largest = max(grids, key=lambda grid: grid.width * grid.height)
-    refuse_full_disk(path, largest, _files(further) * len(grids), raster_format(path, cog=True))
+    largest = max((one.grid for one in maps), key=lambda grid: grid.width * grid.height)
+    files = [file for one in maps for file in _files(one.further, one.headings)]
+    refuse_full_disk(path, largest, files, raster_format(path, cog=True))
 
 
 @contextlib.contextmanager

@@ -19,7 +19,7 @@ from terratool.traversability.limits import (
 from terratool.traversability.soil import soils, step_friction
 from terratool.traversability.steps import step_of
 from terratool.traversability.vehicle import Vehicle
-from terratool.traversability.wheel import SoilArrays
+from terratool.traversability.wheel import SoilArrays, soil_numbers
 
 ROUGH = 0.5
 """Limit of roughness, as a share of the smallest wheel's radius or of the clearance if less."""
@@ -110,15 +110,13 @@ def soil_table(terrain: Terrain, vehicle: Vehicle) -> tuple[SoilArrays, NDArray[
 
     Unknown soils are NaN; their step is the highest that any friction permits.
     """
-    rows = []
+    rows: list[tuple[float, ...]] = []
     for soil in soils(terrain, vehicle):
         if soil is None:
             rows.append((math.nan, math.nan, 0.0, 0.0, 0.0, 1.0, step_of(vehicle, _ANY).height))
         else:
             step = step_of(vehicle, step_friction(vehicle, soil)).height
-            friction = math.tan(soil.friction)
-            figures = soil.cohesion, friction, soil.sinkage, soil.shear_modulus, soil.rolling
-            rows.append((*figures, soil.exponent, step))
+            rows.append((*soil_numbers(soil), step))
     *members, steps = np.array(rows, np.float64).T.copy()
     return SoilArrays(*members), steps
 

@@ -78,6 +78,13 @@ class PreparedRequest:
         return self.surveyor.grid
 
     @property
+    def extent(self) -> MapExtent:
+        """Pixels, bands and headings of the map."""
+        walks, sampled = self.vehicle.feet is not None, self.surveyor.uncertainty is not None
+        further = further_bands(walks=walks, sampled=sampled)
+        return MapExtent(self.grid, further, self.surveyor.headings)
+
+    @property
     def tiles(self) -> SurveyTiles | None:
         """Tiles of the survey for routes; None where no routes are wanted."""
         return None if self.ways is None else self.ways.tiles
@@ -136,8 +143,8 @@ def prepare_assessment(
         off.check()
     grid, routes, headings, notes = _grids(terrain, vehicle, request, map_path is not None)
     if map_path is not None:
-        chances = draws is not None or request.height_error is not None
-        further = further_bands(vehicle.feet is not None, chances)
+        sampled = draws is not None or request.height_error is not None
+        further = further_bands(walks=vehicle.feet is not None, sampled=sampled)
         refuse_map(terrain, MapExtent(grid, further, headings), Path(map_path), overwrite)
     own = uncertainty(terrain, vehicle, draws, request), request.keep_out
     surveyor, shared = Surveyor(terrain, vehicle, grid, headings, *own), routes == grid

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import msgspec
 import numpy as np
@@ -14,7 +14,6 @@ from terratool.definition.model import Pair, Range, Surface, ranges_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.traversability.figures import Chances
-from terratool.traversability.gear import foot_share
 from terratool.traversability.limits import climb, judge_level, level_demand, slip_limit, tip_over
 from terratool.traversability.parameters import SoilSamples, soil_table
 from terratool.traversability.soil import (
@@ -26,7 +25,7 @@ from terratool.traversability.soil import (
 from terratool.traversability.steps import step_of
 from terratool.traversability.vehicle import Soil, Vehicle
 from terratool.traversability.verdicts import Verdict
-from terratool.traversability.wheel import under_wheels
+from terratool.traversability.wheel import soil_numbers
 
 SAMPLES = 256
 """Default number of samples."""
@@ -145,9 +144,7 @@ def soil_samples(terrain: Terrain, vehicle: Vehicle, draws: Draws) -> SoilSample
         found = [soil for soil in sampled_soils(name, draws, vehicle) if soil is not None]
         if not found:
             continue
-        members = np.array(
-            [np.concatenate(under_wheels(replace(one, factors=None))) for one in found]
-        )
+        members = np.array([soil_numbers(one) for one in found])
         highest = _steps(vehicle, [step_friction(vehicle, one) for one in found])
         for table, values in zip(tables, (*members.T, highest), strict=True):
             table[:, id_] = values
@@ -187,12 +184,7 @@ def _level_chances(name: str, draws: Draws, vehicle: Vehicle) -> Chances | None:
     soils = [soil for soil in sampled_soils(name, draws, vehicle) if soil is not None]
     if not soils:
         return None
-    verdicts = [
-        judge_level(
-            vehicle, level_demand(vehicle, soil), foot_share(vehicle, surface, soil)
-        ).verdict
-        for soil, surface in zip(soils, draws.surfaces[name], strict=True)
-    ]
+    verdicts = [judge_level(vehicle, level_demand(vehicle, soil)).verdict for soil in soils]
     slip, (_, backwards, _) = slip_limit(vehicle), tip_over(vehicle)
     tips = backwards - vehicle.margins.tip
     climbs = [

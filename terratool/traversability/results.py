@@ -26,7 +26,7 @@ class Sampling:
         error: largest error of a share of the samples, at 95 % confidence.
         ranges: ranges that were sampled, every value in them equally likely.
         height_error: standard deviation of heights, m; None where heights are exact.
-        correlation: correlation length of errors of heights, m; None likewise.
+        correlation: correlation length of errors of heights, m; None for exact ones.
     """
 
     samples: int

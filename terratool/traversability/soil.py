@@ -19,8 +19,8 @@ from terratool.traversability import wheel as wheels
 from terratool.traversability.figures import DriftCurve, Figures, LoadSpan, SlipCurve
 from terratool.traversability.gear import (
     GEAR_ASSUMPTIONS,
+    bearing_soil,
     flat_sinkage,
-    foot_share,
     gear_figures,
     rate_factor,
     track_friction,
@@ -190,7 +190,19 @@ def governing_wheel(vehicle: Vehicle) -> tuple[Wheel, float]:
 
 
 def soil_under(name: str, surface: Surface, vehicle: Vehicle) -> Soil | None:
-    """The soil of a surface under a vehicle; None if a key is missing (`missing_of`).
+    """The soil of a surface under a vehicle (`resting_soil`), in which feet are borne.
+
+    None if a key is missing (`missing_of`).
+
+    Raises:
+        RequestError: a number of the surface is beyond 1e30 in size.
+    """
+    soil = resting_soil(name, surface, vehicle)
+    return None if soil is None else bearing_soil(vehicle, surface, soil)
+
+
+def resting_soil(name: str, surface: Surface, vehicle: Vehicle) -> Soil | None:
+    """The soil of a surface by its sinkage under a vehicle; None if a key is missing.
 
     A preset's k is z/W for the wheel of `governing_wheel`, its load and its size. Wheels of other
     sizes have factors of k, for their own loads on the level.
@@ -329,7 +341,7 @@ def _figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     contact = wheels.contact(load, soil, wheel)
     best = wheels.traction(load, soil, wheel, slip_limit(vehicle))
     need = level_demand(vehicle, soil)
-    verdict, reason, _ = judge_level(vehicle, need, foot_share(vehicle, surface, soil))
+    verdict, reason, _ = judge_level(vehicle, need)
     to_side, backwards, _ = tip_over(vehicle)
     margin = slope_margin(vehicle, soil)
     up, up_limit = largest_slope(
@@ -411,7 +423,9 @@ def _figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     if not (vehicle.tracks or vehicle.feet):
         return found
     # what belongs to a wheel is none of theirs
-    own = gear_figures(vehicle, surface, soil, slip_limit(vehicle))
+    plain = resting_soil(name, surface, vehicle)
+    assert plain is not None
+    own = gear_figures(vehicle, surface, plain, slip_limit(vehicle))
     none: dict[str, Any] = dict.fromkeys(_OF_WHEELS)
     if vehicle.feet:
         none |= dict.fromkeys(("torque", "limit_torque", "slip"))

@@ -4,67 +4,35 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.kernels import traversability as kernels
 from terratool.traversability.limits import wheel_layout
 from terratool.traversability.map_results import Survey
 from terratool.traversability.vehicle import Soil, Vehicle
-from terratool.traversability.wheel import lateral_grip
+from terratool.traversability.wheel import under_wheels
 
 CRAWL = 0.01
 """Share of the speed at which a vehicle creeps where no speed lets it stop in time."""
-
-_HALVINGS = 50
-"""Halvings of the interval in which the largest braking force is looked for."""
 
 
 @lru_cache(maxsize=256)  # each search for a route asks again
 def braking(vehicle: Vehicle, soil: Soil) -> float:
     """Braking on level ground as a share of the weight: μ of v²/(2 g μ); 0 where nothing brakes.
 
-    The driven wheels brake, as far as their ground and their motors hold: the largest force B with
-    B = Σ min(C + N μ, Tmax/r), and no axle lifted. N are the loads as B presses the vehicle
-    forward, B h/L from the rear to the front axle of two. What the ground itself resists is left
-    out. The least of the vehicle's loads counts.
+    The driven wheels, the tracks or the feet brake, as far as their ground and their motors hold:
+    the largest force B with B = Σ min(C + N μ, Tmax/r), and no axle lifted. N are the loads as B
+    presses the vehicle forward, B h/L from the rear to the front axle of two. What the ground
+    itself resists is left out. The least of the vehicle's loads counts.
     """
-    return min(_braking(case, soil) for case in vehicle.cases)
-
-
-def _braking(vehicle: Vehicle, soil: Soil) -> float:
-    layout, weight = wheel_layout(vehicle), vehicle.weight
-    factors = soil.factors or (1.0,) * vehicle.wheels
-    driven = [
-        (n, wheel, replace(soil, sinkage=soil.sinkage * factor, factors=None))
-        for n, (wheel, factor) in enumerate(zip(vehicle.all_wheels, factors, strict=True))
-        if layout.driven[n]
-    ]
-
-    def surplus(force: float) -> float:
-        """Hold of the wheels beyond a braking force, N; below 0 where an axle lifts."""
-        loads = weight * layout.shares[:, 0] + force * layout.shares[:, 1]
-        if (loads < 0.0).any():
-            return -math.inf
-        held = (
-            min(float(lateral_grip(loads[n], ground, wheel)), wheel.max_torque / wheel.radius)
-            for n, wheel, ground in driven
-        )
-        return sum(held) - force
-
-    low, high = 0.0, 4.0 * weight
-    if not surplus(0.0) > 0.0:
-        return 0.0
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        if surplus(middle) >= 0.0:
-            low = middle
-        else:
-            high = middle
-    return low / weight
+    ground = under_wheels(soil)
+    return min(
+        float(kernels.braking(wheel_layout(case), case.weight, ground)) for case in vehicle.cases
+    )
 
 
 def deceleration(friction: Any, gravity: float, pitch: Any = 0.0, roll: Any = 0.0) -> Any:

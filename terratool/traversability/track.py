@@ -1,4 +1,4 @@
-"""A pair of tracks on soil: sinkage, resistance, thrust, turning, and the steps that they climb.
+"""A pair of tracks on soil: sinkage, resistance, thrust, and the steps that they climb.
 
 Formulas are those of a rigid, flat track: M. G. Bekker, *Introduction to Terrain-Vehicle Systems*,
 1969, and J. Y. Wong, *Theory of Ground Vehicles*, 4th ed., Wiley 2008, the chapter on tracked
@@ -16,13 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.definition.presets import Preset
+from terratool.kernels import traversability as kernels
 
 if TYPE_CHECKING:
     from terratool.traversability.vehicle import Vehicle
 
 SECTIONS = 6
 """Number of sections of a track, each of which stands on one soil and has its own load."""
-MOST_GRIP = 1.16
+MOST_GRIP = kernels.MOST_GRIP
 """Largest strength of the ground under a track, in loads: the most that the rule for measured
 wheels gives anywhere. On stiff clay the area times the cohesion would be many times the load, and
 no track presses into such clay: an assumption."""
@@ -31,11 +32,6 @@ _ANGLES = 91
 """Number of places on the belt that are looked at while it climbs a step."""
 _CLOSE = 1e-6
 """Accuracy of the highest step, m."""
-
-
-def ground_pressure(load: Any, length: float, width: float) -> Any:
-    """Mean pressure p = W/(2 b L) of two tracks that bear W together, Pa."""
-    return load / (2.0 * width * length)
 
 
 def plate_sinkage(preset: Preset, pressure: Any, width: float) -> Any:
@@ -73,38 +69,6 @@ def mobilised_mean(length: Any, modulus: Any, slip: Any) -> Any:
 def thrust(load: Any, area: float, cohesion: Any, tan_friction: Any, share: Any) -> Any:
     """Thrust F = (A c + W tan φ) · share, N, of tracks that touch an area A, m² (Wong)."""
     return (area * cohesion + load * tan_friction) * share
-
-
-def turning_moment(load: Any, length: float, friction: Any) -> Any:
-    """Moment that resists turning on the spot, μ W L/4, N m (Wong, the chapter on skid steering).
-
-    An upper bound, as the whole of the friction acts sideways; `turning.turn_on_spot` has
-    one circle of friction for both directions.
-    """
-    return friction * load * length / 4.0
-
-
-def pressure_shares(length: float, offset: float, sections: int) -> NDArray[np.float64]:
-    """Shares of a track's load that its sections bear, (sections,) float64 from the front.
-
-    The pressure of a rigid track is linear along it: a trapezium while the resultant lies up to L/6
-    from the middle, else a triangle on the part that touches, 3 (L/2 − |e|) long (Wong; Bekker).
-
-    Args:
-        length: L, m.
-        offset: e, how far ahead of the middle of the track its load acts, m, below L/2 in size.
-        sections: number of equal sections.
-    """
-    half, e = 0.5 * length, abs(offset)
-    behind = np.linspace(0.0, length, sections + 1)  # of the end that bears most
-    if 6.0 * e <= length:
-        ahead = half - behind
-        borne = behind / length + 6.0 * e * (half**2 - ahead**2) / length**3
-    else:
-        contact = 3.0 * (half - e)
-        borne = 1.0 - np.square(1.0 - np.minimum(behind / contact, 1.0))
-    shares = np.diff(borne)
-    return shares if offset >= 0.0 else shares[::-1]
 
 
 def track_gap(front: float, rear: float) -> float:
@@ -169,7 +133,8 @@ def track_step(outline: TrackOutline, friction: float, most: float) -> tuple[flo
 
 def _binding(outline: TrackOutline, height: float, friction: float, most: float) -> str:
     """The measure, in words, that keeps tracks from climbing a step; empty where nothing does."""
-    angle, arm, lever, passed = _moments(outline, height)
+    angle, arm, lever = _touched(outline, height)
+    passed = lever >= arm
     # up to the place where the centre of gravity is above the edge
     needed: NDArray[np.bool_] = np.cumsum(passed) - passed == 0
     lever = np.minimum(lever, arm)
@@ -182,15 +147,21 @@ def _binding(outline: TrackOutline, height: float, friction: float, most: float)
     return "" if _holds(*forces, friction, most).all() else "motor torque"
 
 
-def _moments(
-    outline: TrackOutline, height: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+class _Touched(NamedTuple):
     """Places of the belt that the edge of a step touches in turn, (n,) each.
 
-    Returns:
-        Angle of the belt there from the horizontal, distance of the edge from the rear end of the
-        track, distance of the centre of gravity from there, and whether that has passed the edge.
+    Attributes:
+        angle: angle of the belt from the horizontal, rad.
+        arm, lever: distances of the edge and of the centre of gravity from the rear end, along, m.
     """
+
+    angle: NDArray[np.float64]
+    arm: NDArray[np.float64]
+    lever: NDArray[np.float64]
+
+
+def _touched(outline: TrackOutline, height: float) -> _Touched:
+    """Places of the belt that the edge of a step of a height touches."""
     length, radius = outline.front + outline.rear, outline.radius
     # of the belt, ahead of the end on the ground, above it, and how steep it is: around the idler,
     # down the rise, around the roller at its foot, and back along the ground
@@ -217,7 +188,7 @@ def _moments(
     tilt = np.arcsin(height / np.hypot(x, z)) - np.arctan2(z, x)
     arm = x * np.cos(tilt) - z * np.sin(tilt)
     lever = outline.rear * np.cos(tilt) - outline.height * np.sin(tilt)
-    return steep + tilt, arm, lever, lever >= arm
+    return _Touched(steep + tilt, arm, lever)
 
 
 def _holds(

@@ -64,8 +64,9 @@ def turn_on_spot(vehicle: Vehicle, soil: Soil) -> Turning:
         return Turning()
     if vehicle.turning_radius:
         return Turning(reason=Reason.TURNING)  # it never does
-    layout, loads = wheel_layout(vehicle), wheel_loads(vehicle)
+    layout = wheel_layout(vehicle)
     if vehicle.steering == "wheels" or vehicle.feet:
+        loads = wheel_loads(vehicle)
         away = np.hypot(layout.x - vehicle.middle, layout.y)
         factors = soil.factors or (1.0,) * len(loads)
         rolling = [
@@ -78,6 +79,6 @@ def turn_on_spot(vehicle: Vehicle, soil: Soil) -> Turning:
         )
         return Turning(moment, 0.0, moment, float(away.max()), 0.0, float(torque))
     found = kernels.turn_on_spot(
-        layout, layout.x, layout.y, loads, under_wheels(soil), vehicle.wheel.max_slip
+        layout, layout.x, layout.y, vehicle.weight, under_wheels(soil), vehicle.wheel.max_slip
     )
     return Turning(**{**found, "reason": Reason(found["reason"])})

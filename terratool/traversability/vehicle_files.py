@@ -12,6 +12,8 @@ from terratool.definition.keys import default_of, document_kind
 from terratool.definition.model import middle_of
 from terratool.definition.reader import CheckOptions, check, refusal
 from terratool.definition.vehicle import (
+    LUGS,
+    ROLLING,
     AxleText,
     FeetText,
     TracksText,
@@ -43,12 +45,6 @@ _PLAIN = (
 """Keys of a vehicle's text that are attributes of `Vehicle` in the same units."""
 WATT_HOUR = 3600.0
 """Joules in a watt-hour."""
-ROLLING = 0.02
-"""Default coefficient of rolling resistance of a tyre: an assumption, for small tyres. Worn roads
-have 0.02 (Carvill, Mechanical Engineer's Data Handbook, 1993)."""
-LUGS = 0.1
-"""Default height of a lugged wheel's lugs, in radii: 25 mm on 0.25 m, as on the wheel of NASA's
-MGRU3."""
 CARCASS: float = 1e3 * default_of(WheelsText, "carcassStiffness")
 """Default pressure that a tyre's carcass adds to that of its air, Pa: an assumption."""
 

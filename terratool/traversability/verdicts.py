@@ -27,17 +27,12 @@ class NamedNumber(IntEnum):
         return format(self.label, spec)
 
 
-class Verdict(NamedNumber):
-    """Verdict on driving the vehicle at a place; see `RANKS` for which is worse."""
-
-    UNKNOWN = 0
-    GO = 1
-    CAUTION = 2
-    NO_GO = 3
+class GroundNumber(NamedNumber):
+    """A number of a kind of ground."""
 
     @property
     def label(self) -> str:
-        """Name of the verdict for people."""
+        """Name of the kind of ground, for people and in files."""
         return _GROUNDS[self]
 
     @property
@@ -46,11 +41,20 @@ class Verdict(NamedNumber):
         return _SIGNS[self]
 
 
+class Verdict(GroundNumber):
+    """Verdict on driving the vehicle at a place; see `RANKS` for which is worse."""
+
+    UNKNOWN = 0
+    GO = 1
+    CAUTION = 2
+    NO_GO = 3
+
+
 RANKS = np.array([2, 0, 1, 3], np.uint8)
 """Rank of each `Verdict`, the larger, the worse: go, caution, unknown, no-go."""
 
 
-class GroundClass(NamedNumber):
+class GroundClass(GroundNumber):
     """Class of a place on a map: the verdict of its best heading, and whether it is connected.
 
     The first four have the names and numbers of `Verdict`.
@@ -63,16 +67,6 @@ class GroundClass(NamedNumber):
     CUT_OFF = 4
     EDGE = 5
     ONE_WAY = 6
-
-    @property
-    def label(self) -> str:
-        """Name of the class, for people and in files."""
-        return _GROUNDS[self]
-
-    @property
-    def sign(self) -> str:
-        """One character for those who see no colours."""
-        return _SIGNS[self]
 
 
 COLORS: dict[GroundClass, tuple[int, int, int]] = {

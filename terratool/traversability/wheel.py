@@ -6,7 +6,7 @@ All functions take numbers, or arrays that broadcast together.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -69,13 +69,17 @@ def flatten_soils(
     return shape, soils, others
 
 
-def under_wheels(soil: Soil) -> SoilArrays:
-    """A soil of numbers as arrays of one, or of one for each wheel if it has factors."""
-    numbers = (
+def soil_numbers(soil: Soil) -> tuple[float, ...]:
+    """Figures of a soil of numbers in the order of `SoilArrays`, without factors of k."""
+    return (
         soil.cohesion, math.tan(soil.friction), soil.sinkage, soil.shear_modulus, soil.rolling,
         soil.exponent,
     )  # fmt: skip
-    columns = np.array(numbers, np.float64)[:, None]
+
+
+def under_wheels(soil: Soil) -> SoilArrays:
+    """A soil of numbers as arrays of one, or of one for each wheel if it has factors."""
+    columns = np.array(soil_numbers(soil), np.float64)[:, None]
     if soil.factors is not None:
         columns = np.repeat(columns, len(soil.factors), axis=1)
         columns[2] *= soil.factors
@@ -238,11 +242,6 @@ def grip(load: Any, soil: Soil, wheel: Wheel, slip: Any = 1.0) -> Numbers:
     """
     shape, soils, (weights, slips) = flatten_soils(soil, load, slip)
     return reshape(kernels.grips(weights, soils, slips, wheel), shape)
-
-
-def lateral_grip(load: Any, soil: Soil, wheel: Wheel) -> Numbers:
-    """Grip of a wheel against a push from the side, C + W μ, N: all of its strength."""
-    return grip(load, replace(soil, shear_modulus=0.0), wheel)
 
 
 def side_force(load: Any, soil: Soil, wheel: Wheel, slip: Any, crab: Any) -> Numbers:

@@ -356,7 +356,7 @@ def _foothold_layer(
     swatches = (Swatch("no foothold", COLORS[GroundClass.NO_GO]),) if barred.any() else ()
     share = float(np.mean(~barred[ground]))
     note = (
-        f"A foot of {judge.vehicle.name} can be set on {share:.0%} of the ground drawn; looked at "
+        f"A foot of {judge.vehicle.name} can be set on {share:.0%} of the ground drawn; judged "
         f"at pixels of {resolution:.4g} m ({why})."
     )
     key = Legend(judge.vehicle.name, (*swatches, *void_swatch(planes.heights)), scale)

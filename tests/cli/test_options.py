@@ -14,9 +14,9 @@ from click.testing import CliRunner  # noqa: TID251
 
 from terratool.cli.command import Command
 from terratool.cli.options import vehicle_from, vehicle_option, wheel_options
+from terratool.definition.vehicle import ROLLING
 from terratool.errors import DefinitionError, ReadError
 from terratool.traversability.vehicle import Vehicle, Wheel
-from terratool.traversability.vehicle_files import ROLLING
 from tests.commands import SAMPLE, call
 from tests.vehicles import SMALLEST
 

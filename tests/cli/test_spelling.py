@@ -100,7 +100,7 @@ def wrong_words(commands: Commands) -> Iterator[str]:
     for name, command in commands.items():
         for option in options_of(command):
             called, metavar = long_names(option)[0], option.metavar or ""
-            if option.nargs > 1 and metavar not in PLACES | {"M M"}:
+            if option.nargs > 1 and metavar not in PLACES | {"M L"}:
                 yield f"{name}: {called} {metavar} is no place"
             if option.nargs > 1 and len(metavar.split()) != option.nargs:
                 yield f"{name}: {called} has {option.nargs} words and says {metavar}"

@@ -105,8 +105,9 @@ def test_says_and_writes_all(site: tuple[str, ...], tmp_path: Path) -> None:
     ran = drive(*arguments)
     assert (ran.code, ran.err) == (0, "")
     assert "There is a way from (102, 51) to (110, 52)" in ran.out
-    made = ["a.tif", "a-classes.tif", "a-numbers.tif", "a.json", "a.md", "a.html"]
-    assert ran.out.splitlines()[-6:] == [f"{tmp_path / name}: written." for name in made]
+    maps = [f"a{kind}.tif" for kind in ("", "-worst", "-headings", "-classes", "-numbers")]
+    made = [*maps, "a.json", "a.md", "a.html"]
+    assert ran.out.splitlines()[-8:] == [f"{tmp_path / name}: written." for name in made]
     assert re.search(r"^floor +0 m +35\.0°", ran.out, re.MULTILINE)
     document = json.loads(names[0].read_text("utf-8"))
     assert not list(SCHEMA.iter_errors(document))
@@ -121,7 +122,7 @@ def test_says_and_writes_all(site: tuple[str, ...], tmp_path: Path) -> None:
     assert [int((pixels == code).sum()) for code in (1, 2)] == [best["go"], best["caution"]]
 
     there = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    assert {"a-classes.tif", "a-numbers.tif"} <= set(there)
+    assert set(maps) <= set(there)
     again = drive(*arguments)
     assert again.code == 3
     assert "exists already" in again.err
@@ -168,7 +169,7 @@ def test_who_reads_no_further_is_told(saved: Saved, condition: tuple[str, ...]) 
         process.stdout.close()
         said = process.stderr.read().decode()
     assert process.returncode == 1
-    named = "terratool: --fail-on no-route: 1 of 1 routes cannot be driven.\n"
+    named = "terratool: --fail-on no-route: v: 1 of 1 routes cannot be driven.\n"
     assert said == (named if condition else "")
 
 

@@ -237,17 +237,30 @@ class TestGrids:
         assert together(VehicleComparison((one, one)))
         assert together(VehicleComparison((one, other))) == []
 
+    @pytest.mark.parametrize(
+        "more", [(), ("--height-error", 0.1, 2), ("--headings", 64)], ids=["", "chances", "masks"]
+    )
     def test_maps_must_fit_on_the_disk_together(
-        self, site: tuple[str, str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+        self, site: tuple[str, str, str], more: tuple[Any, ...], tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:  # fmt: skip
         monkeypatch.setattr(Surveyor, "measure", never)
         terrain, narrow, wide = site
-        asked = (terrain, "--vehicle", narrow, "--resolution", 0.2, "--map", tmp_path / "m.tif")
+        asked = (
+            terrain,
+            "--vehicle",
+            narrow,
+            "--resolution",
+            0.2,
+            "--map",
+            tmp_path / "m.tif",
+            *more,
+        )
         free = {"bytes": 1}
         monkeypatch.setattr("terratool.raster.export.free_bytes", lambda _: free["bytes"])
         needed = re.search(r"may take ([\d,]+)", drive(*asked).err)
         assert needed
-        free["bytes"] = int(1.5 * int(needed[1].replace(",", "")))
+        free["bytes"] = 2 * int(needed[1].replace(",", "")) - 2
         ran = drive(*asked, "--vehicle", wide)
         assert ran.code == 3 and "are free" in ran.err
         with pytest.raises(AssertionError, match="has begun"):

@@ -22,7 +22,7 @@ from terratool.traversability.preparing import prepare_assessment
 from terratool.traversability.report.document import as_dict
 from terratool.traversability.report.page import as_page
 from terratool.traversability.report.routes import as_geojson, route_features
-from terratool.traversability.report.wording import route_line
+from terratool.traversability.report.wording import along_line, route_line
 from terratool.traversability.request import Request
 from terratool.traversability.route.drifting import corridor, drift_along, drift_total, stretches
 from terratool.traversability.route.results import RouteProfile
@@ -229,8 +229,8 @@ def test_reports_agree(tmp_path: Path) -> None:
     assert drift == pytest.approx(6.0 * math.tan(math.radians(route["crab"]["crab_deg"])), rel=0.05)
     assert route["profile"]["drift_m"][-1] == pytest.approx(drift)  # to the left
     assert route["profile"]["crab_deg"][-1] < 0.0
-    assert f"drifts {drift:.3g} m downhill by (20.05, 13.05) unless it heads up to" in (
-        route_line(report.routes[0])
+    assert f"drift {drift:.3g} m downhill by (20.05, 13.05) unless it heads up to" in (
+        along_line(report.routes[0])
     )
     features = json.loads(as_geojson(report))["features"]
     (strip,) = (one for one in features if one["properties"]["kind"] == "drift")
@@ -253,7 +253,8 @@ def test_reports_agree(tmp_path: Path) -> None:
 
 def test_level_ground_says_nothing_of_drift() -> None:
     report = reported(slope(0), 20, 7, 20, 13)
-    assert "drift" not in route_line(report.routes[0]) and 'class="strip"' not in as_page(report)
+    said = f"{route_line(report.routes[0])} {along_line(report.routes[0])}"
+    assert "drift" not in said and 'class="strip"' not in as_page(report)
     assert report.routes[0].drift.value == 0.0
 
 

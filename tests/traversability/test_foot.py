@@ -21,12 +21,14 @@ from terratool.traversability.judge import Judge
 from terratool.traversability.map import map_bands
 from terratool.traversability.map_files import CHANCE, FOOTHOLD, NUMBERS, further_bands
 from terratool.traversability.soil import surface_figures
+from terratool.traversability.stopping import braking
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.track import plate_sinkage
-from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle import Soil, Vehicle
 from terratool.traversability.vehicle_files import vehicle_of
 from terratool.traversability.verdicts import COLORS, GroundClass, Reason, Verdict
 from terratool.viewing.layers import layer_picture
+from tests.conftest import terrain_of
 from tests.traversability.test_belts import EAST, along, bar, crawler, ground, surveyed
 
 LOAD, DISC = 150.0, 0.05
@@ -68,7 +70,67 @@ class TestFormulas:
         assert 1e3 * (figures.sinkage or 0.0) == pytest.approx(sinkage, rel=3e-3)
         assert figures.bearing == pytest.approx(bears, abs=0.06)
         assert figures.thrust == pytest.approx(holds, abs=0.06)
-        assert figures.reason == Reason.FOOTHOLD and figures.verdict == Verdict.NO_GO
+
+    @pytest.mark.parametrize("name", BOOK)
+    def test_a_foot_sinks_in_until_it_is_borne(self, name: str) -> None:
+        """At its depth the sum of the three terms is the load, of a circle with Vesic's factors."""
+        preset = PRESETS[name]
+        cohesion, friction = 1e3 * preset.cohesion, math.radians(preset.fric_angle)
+        weight, tangent = 1e3 * preset.unit_weight, math.tan(friction)
+        depth = foot.borne_at(LOAD, cohesion, friction, weight, DISC)
+        q = math.exp(math.pi * tangent) * (1 + math.sin(friction)) / (1 - math.sin(friction))
+        pressure = (
+            1.3 * cohesion * (q - 1) / tangent
+            + weight * depth * q * (1 + tangent)
+            + 0.6 * weight * DISC * (q + 1) * tangent
+        )
+        assert depth > 0.0 and pressure * math.pi * DISC**2 / 4 == pytest.approx(LOAD)
+        # it stands in that depth, or in Bekker's if that is more; feet are lifted 0.2 m
+        figures = surface_figures(name, Surface(preset=name), walker())
+        stands = max(depth, figures.sinkage or 0.0)
+        assert figures.borne_at == pytest.approx(stands)
+        limits = ((0.14, Verdict.GO), (0.2, Verdict.CAUTION), (math.inf, Verdict.NO_GO))
+        assert figures.verdict == next(verdict for limit, verdict in limits if stands < limit)
+        if figures.verdict != Verdict.GO:
+            assert figures.reason == Reason.SINKAGE
+        if figures.verdict == Verdict.NO_GO:
+            assert figures.climb is figures.cross_slope is figures.step is None
+
+    def test_a_surface_keeps_its_own_k(self) -> None:
+        """Reports have the k of the file, for a foot as it walks, or a whole track."""
+        own = Surface(cohesion=1.0, fric_angle=30.0, sinkage=0.04)
+        for vehicle in (walker(), crawler()):
+            figures = surface_figures("s", own, vehicle)
+            assert figures.sinkage_rate == pytest.approx(0.04e-3)
+            assert figures.sinkage == pytest.approx(0.04e-3 * (figures.load or 0.0))
+
+    def test_hind_feet_find_fresh_ground(self) -> None:
+        """They sink in as deep as the fore feet, so a climb ends where the rear ones reach 0.13 m.
+
+        The rear ones bear W (cos α/2 + h sin α/L) there, h 0.3 m and L 0.6 m.
+        """
+        lifted = walker(feet={"step_height": 0.13})
+        figures = surface_figures("s", Surface(preset="dry-sand"), lifted)
+        depth, climb = figures.borne_at or 0.0, figures.climb or 0.0
+        assert figures.climb_binding == Reason.SINKAGE and 0.1 < depth < 0.13
+        deeper = math.cos(climb) + 2.0 * 0.3 / 0.6 * math.sin(climb)
+        assert depth * deeper == pytest.approx(0.13, rel=1e-3)
+
+    def test_stronger_soil_bears_sooner(self) -> None:
+        usual = foot.borne_at(LOAD, 1e3, 0.5, 15e3, DISC)
+        for changed in ((90.0, 1e3, 0.5, 15e3), (LOAD, 2e3, 0.5, 15e3), (LOAD, 1e3, 0.6, 15e3),
+                        (LOAD, 1e3, 0.5, 20e3)):  # fmt: skip
+            assert foot.borne_at(*changed, DISC) < usual
+        assert foot.borne_at(LOAD, 1e3, 0.5, 15e3, 1.5 * DISC) < usual
+        assert foot.borne_at(1.0, 1e3, 0.5, 15e3, DISC) == 0.0
+
+    def test_feet_brake_with_what_holds_them(self) -> None:
+        """tan φ, and c A of the two feet that bear it, until it tips over them: 0.3/0.3 m."""
+        rock, clay = Soil.of(0.0, 35.0, 0.0), Soil.of(5.0, 20.0, 0.0)
+        assert braking(walker(), rock) == pytest.approx(math.tan(math.radians(35.0)))
+        held = 5e3 * foot.disc_area(DISC) / LOAD + math.tan(math.radians(20.0))
+        assert braking(walker(), clay) == pytest.approx(held)
+        assert braking(walker(), Soil.of(0.0, 48.0, 0.0)) == pytest.approx(1.0)
 
     def test_factors_of_vesic(self) -> None:
         """His table: φ 0, 20 and 30 degrees."""
@@ -83,10 +145,11 @@ class TestFormulas:
         assert part / whole == pytest.approx(1.0 - math.exp(-shear / modulus))
 
     def test_fewer_feet_bear_more(self) -> None:
-        """Three of four bear 100 N each, so that soil that bears 121 N holds them with caution."""
+        """Three of four bear 100 N each, which soil that bears 121 N does at its surface."""
         found = surface_figures("s", Surface(preset="lete-sand"), walker(feet={"bearing_feet": 3}))
-        assert found.load == pytest.approx(100.0)
-        assert found.verdict == Verdict.CAUTION and found.reason == Reason.FOOTHOLD
+        assert found.load == pytest.approx(100.0) and found.borne_at == found.sinkage
+        two = surface_figures("s", Surface(preset="lete-sand"), walker())
+        assert (two.borne_at or 0.0) > 5 * (two.sinkage or 1.0)
 
     def test_a_surface_has_its_own_weight(self) -> None:
         light = surface_figures("s", Surface(preset="dry-sand", unit_weight=0.001), walker())
@@ -120,6 +183,26 @@ class TestFootholds:
         shares = footholds(ground(slope=0.3), walker())
         wanted = 0.3 / math.tan(math.radians(38))
         assert shares[20:-20, 20:-20] == pytest.approx(wanted, rel=1e-3)
+
+    @pytest.mark.parametrize(("lift", "verdict"), [(0.2, Verdict.GO), (0.02, Verdict.NO_GO)])
+    def test_a_map_sinks_feet_in_as_deep(self, lift: float, verdict: Verdict) -> None:
+        """Sand that bears 150 N some 3 cm below its surface."""
+        vehicle = walker(feet={"step_height": lift})
+        terrain = terrain_of(
+            {"size": [8, 6], "surfTypes": {"s": {"preset": "lete-sand"}},
+             "elemTypes": {"flat": {"x": [0, 1]}},
+             "elemTree": {"type": "flat", "vScale": 0, "surface": "s"}}
+        )  # fmt: skip
+        depth = surface_figures("s", Surface(preset="lete-sand"), walker()).borne_at
+        found = surveyed(terrain, vehicle)
+        row, column = found.verdict.shape[1] // 2, found.verdict.shape[2] // 2
+        assert found.sinkage[EAST, row, column] == pytest.approx(depth, rel=1e-3)
+        assert found.verdict[EAST, row, column] == verdict
+        if verdict == Verdict.NO_GO:
+            assert found.reason[EAST, row, column] == Reason.SINKAGE
+        # the layer has the depth as a share of a step
+        shares = footholds(terrain, vehicle)
+        assert shares[row, column] == pytest.approx((depth or 0.0) / lift, rel=1e-3)
 
     def test_an_edge_is_no_foothold(self) -> None:
         """A wall at x = 4: only the pixels whose patch it crosses."""
@@ -174,7 +257,7 @@ class TestFootholds:
         assert len(numbers[0]) == len(numbers[1]) + 1 == len(NUMBERS.names) + 1
         wanted = 1.0 - 0.3 / math.tan(math.radians(38))
         assert numbers[0][-1] == pytest.approx(wanted, rel=1e-3)
-        assert further_bands(True, True) == (FOOTHOLD, CHANCE)
+        assert further_bands(walks=True, sampled=True) == (FOOTHOLD, CHANCE)
 
     def test_the_layer_shows_the_margin(self) -> None:
         """The brighter, the more is in reserve; a wall is in the colour of no-go."""

@@ -88,6 +88,7 @@ BOW = [[0, 0], [2, 2], [2, 0], [0, 2], [0, 0]]
         ("", ":1: is no JSON"),
         ("1,2\n3,4\n", ": is no JSON" if False else ":1: is no JSON"),
         ("[]", ": is no GeoJSON."),
+        ('{"size": [8, 6]}', ": is no GeoJSON."),
         ("[" * 100_000, ": is no "),
         (collection(), ": holds no zones."),
         ({"type": "FeatureCollection", "features": 5}, ": the features are no list."),

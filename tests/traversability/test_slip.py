@@ -86,8 +86,7 @@ def slip_by_statics(vehicle: Vehicle, soil: Soil, slope: float) -> float:
     for axle, load, under in zip(vehicle.axles, loads, soils, strict=True):
         own = vehicle.wheel_of(axle)
         if axle.driven:
-            length = float(wheels.contact(load, under, own).shear_length)
-            driven.append((axle.wheels, own, load, under, length))
+            driven.append((axle.wheels, own, load, under))
         else:
             need += axle.wheels * float(wheels.towed_resistance(load, under, own))
 
@@ -95,16 +94,16 @@ def slip_by_statics(vehicle: Vehicle, soil: Soil, slope: float) -> float:
         return [
             bisected(
                 0.0, 1e3,
-                lambda s: float(wheels.mobilised_share(length, soil.shear_modulus, s)) < share,  # noqa: B023
+                lambda s: float(wheels.traction(load, under, own, s).mobilised) < share,  # noqa: B023
             )
-            for *_, length in driven
+            for _, own, load, under in driven
         ]  # fmt: skip
 
     def pull(share: float) -> float:
         found = zip(driven, slips(share), strict=True)
         return sum(
             count * float(wheels.traction(load, under, own, slip).drawbar)
-            for (count, own, load, under, _), slip in found
+            for (count, own, load, under), slip in found
         )
 
     if pull(0.0) >= need:

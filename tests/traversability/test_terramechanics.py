@@ -321,7 +321,7 @@ def test_a_force_sideways_shares_one_circle_with_the_pull(
     """It acts against the sliding: straight across where the wheel does not slip."""
     tyre = Wheel(0.2, 0.1)
     assume(soil.shear_modulus > 0)
-    held = float(wheel.lateral_grip(load, soil, tyre))
+    held = float(wheel.grip(load, replace(soil, shear_modulus=0.0), tyre))
     across = (1 - slip) * math.tan(crab)
     x = 0.59 / soil.shear_modulus * math.hypot(slip, across)
     found = float(wheel.side_force(load, soil, tyre, slip, crab))
@@ -416,7 +416,7 @@ def test_nothing_that_is_accepted_gives_nan(
             demand(load, soil, tyre, pull), demand(load, soil, tyre, load * 0.3),
         ]  # fmt: skip
         singles = [
-            wheel.towed_resistance(load, soil, tyre), wheel.lateral_grip(load, soil, tyre),
+            wheel.towed_resistance(load, soil, tyre), wheel.grip(load, soil, tyre, slip),
             share_of(abs(found[2].torque), torque),
         ]  # fmt: skip
     for value in found:
@@ -568,9 +568,21 @@ def test_remarks() -> None:
 
 def driven(vehicle: Vehicle, soil: Soil, pull: float, pitch: float = 0.0) -> tuple[float, ...]:
     """`kernels.drive` for a vehicle that heads up a slope."""
-    plan, weights = limits.wheel_layout(vehicle), limits.wheel_loads(vehicle, pitch)
-    need = kernels.drive(plan, weights, under_wheels(soil), pull, np.empty_like(weights))
+    plan, sinkage = limits.wheel_layout(vehicle), np.empty(vehicle.wheels)
+    need = kernels.drive(plan, vehicle.weight, pitch, under_wheels(soil), pull, sinkage)
     return need["utilisation"], need["torque"], need["slip"], need["power"]
+
+
+def test_a_wheel_that_could_dig_itself_in_drives_with_less() -> None:
+    """At a slip of 1 it would sink in to its axle; it climbs what it can without that."""
+    lugged = Wheel(0.1, 0.1, grouser_height=0.1)
+    alone, soil = Vehicle.single(lugged, 100.0), Soil.of(5, 34, 0.3, 0.005)
+    assert wheel.contact(100.0, soil, lugged, 1.0).sinkage >= 0.1
+    need = limits.slope_demand(alone, soil)
+    assert need.drives and need.depth < 0.6
+    found = limits.climb(alone, soil, 1.0)
+    assert found.possible and found.reason == Reason.SINKAGE
+    assert limits.slope_demand(alone, soil, found.angle - 1e-6).depth == pytest.approx(1, abs=1e-3)
 
 
 AXLES = st.sampled_from([

@@ -10,13 +10,21 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from terratool.definition.model import Surface
 from terratool.definition.presets import PRESETS
 from terratool.traversability import track
-from terratool.traversability.limits import climb, slope_demand, tip_over, wheel_loads
+from terratool.traversability.limits import (
+    climb,
+    crab_angle,
+    slope_demand,
+    tip_over,
+    wheel_loads,
+)
 from terratool.traversability.soil import soil_under, surface_figures
 from terratool.traversability.steps import step_of
+from terratool.traversability.stopping import braking
 from terratool.traversability.turning import turn_on_spot
 from terratool.traversability.vehicle import Axle, Soil, Tracks, Vehicle, Wheel
 from terratool.traversability.verdicts import Reason
@@ -49,13 +57,29 @@ def tracked(cog: float = 0.0, height: float = 0.2, apart: float = 0.5, **others:
     )  # fmt: skip
 
 
+def pressure_shares(offset: float) -> NDArray[np.float64]:
+    """Shares of the sections in the load of a track that acts so far ahead of its middle, m.
+
+    The pressure is linear: a trapezium, or beyond a sixth of the length a triangle.
+    """
+    fine = 20_000 * track.SECTIONS
+    ahead = LENGTH * (0.5 - (np.arange(fine) + 0.5) / fine)
+    from_end = 0.5 * LENGTH - math.copysign(1.0, offset) * ahead
+    pressure = 1.0 + 12.0 * offset * ahead / LENGTH**2
+    if 6.0 * abs(offset) > LENGTH:
+        pressure = np.maximum(3.0 * (0.5 * LENGTH - abs(offset)) - from_end, 0.0)
+    assert pressure @ ahead / pressure.sum() == pytest.approx(offset, abs=1e-8)
+    shares: NDArray[np.float64] = pressure.reshape(track.SECTIONS, -1).sum(axis=1) / pressure.sum()
+    return shares
+
+
 class TestFormulas:
     """The formulas of whole vehicles."""
 
     @pytest.mark.parametrize("name", BOOK)
     def test_the_values_of_the_books(self, name: str) -> None:
         preset, (sinkage, resistance, pull) = PRESETS[name], BOOK[name]
-        pressure = track.ground_pressure(LOAD, LENGTH, WIDTH)
+        pressure = LOAD / (2 * WIDTH * LENGTH)
         assert pressure == pytest.approx(2857.14, rel=1e-5)
         z = track.plate_sinkage(preset, pressure, WIDTH)
         assert 1e3 * z == pytest.approx(sinkage, abs=0.005 if sinkage > 1 else 6e-4)
@@ -82,22 +106,6 @@ class TestFormulas:
         assert track.mobilised_mean(0.7, 0.0, 0.1) == 1.0
         assert track.mobilised_mean(0.7, 0.02, 0.0) == 0.0
         assert track.mobilised_mean(0.7, 1e-9, 1.0) == pytest.approx(1.0)
-
-    @given(offset=st.floats(-0.34, 0.34))
-    def test_pressure_bears_the_load_where_it_acts(self, offset: float) -> None:
-        """Shares of 512 sections sum to 1, and their moment is that of the load."""
-        shares = track.pressure_shares(LENGTH, offset, 512)
-        places = LENGTH * (0.5 - (np.arange(512) + 0.5) / 512)
-        assert (shares >= 0.0).all()
-        assert shares.sum() == pytest.approx(1.0)
-        assert shares @ places == pytest.approx(offset, abs=1e-5)
-
-    def test_pressure_of_a_trapezium_and_a_triangle(self) -> None:
-        """At e = L/12 the ends press with 1.5 and 0.5 of the mean; at L/4 a quarter is lifted."""
-        shares = 1000 * track.pressure_shares(1.2, 0.1, 1000)
-        assert shares[[0, -1]] == pytest.approx([1.5, 0.5], abs=2e-3)
-        lifted = track.pressure_shares(1.2, -0.3, 1000)
-        assert (lifted[:250] == 0.0).all() and (lifted[251:] > 0.0).all()
 
 
 class TestKernels:
@@ -162,9 +170,9 @@ class TestKernels:
         if abs(e) >= 0.49 * LENGTH or abs(lean) >= 0.5:
             return
         assert loads[:, 0].sum() / total == pytest.approx(0.5 + lean)
-        shares = track.pressure_shares(LENGTH, e, track.SECTIONS)
-        assert loads[:, 0] / loads[:, 0].sum() == pytest.approx(shares, abs=1e-9)
-        assert loads[:, 1] / loads[:, 1].sum() == pytest.approx(shares, abs=1e-9)
+        shares = pressure_shares(e)
+        assert loads[:, 0] / loads[:, 0].sum() == pytest.approx(shares, abs=1e-8)
+        assert loads[:, 1] / loads[:, 1].sum() == pytest.approx(shares, abs=1e-8)
 
     def test_a_centre_of_gravity_off_the_middle_sinks_one_end(self) -> None:
         """At L/12 the outer half of an end section presses up to 1.42 of the mean."""
@@ -175,8 +183,8 @@ class TestKernels:
         soil = soil_under("s", surface, tracked(cog=-LENGTH / 12))
         assert soil is not None and soil.factors is not None
         need = slope_demand(tracked(cog=-LENGTH / 12), soil)
-        most = track.pressure_shares(LENGTH, LENGTH / 12, track.SECTIONS)[0] * track.SECTIONS
-        pressure = most * track.ground_pressure(LOAD, LENGTH, WIDTH)
+        most = pressure_shares(LENGTH / 12)[0] * track.SECTIONS
+        pressure = most * LOAD / (2 * WIDTH * LENGTH)
         wanted = track.plate_sinkage(PRESETS["dry-sand"], pressure, WIDTH)
         assert need.sinkage == pytest.approx(wanted, rel=1e-6)
         # more is pressed down, so that more resists
@@ -198,6 +206,45 @@ class TestKernels:
         assert steepest.reason == Reason.TIP_OVER
         assert (wheel_loads(vehicle, steepest.angle - 0.01) == 0.0).any()
 
+    @settings(max_examples=examples(40))
+    @given(
+        cog=st.floats(-0.25, 0.25), height=st.floats(0.1, 0.5), cohesion=st.floats(0.0, 40.0),
+        depth=st.sampled_from([0.0, 1e-3, 0.02]), modulus=st.sampled_from([0.0, 0.01, 0.04]),
+    )  # fmt: skip
+    def test_it_drives_up_to_the_climb_and_no_further(
+        self, cog: float, height: float, cohesion: float, depth: float, modulus: float
+    ) -> None:
+        """Also where much of the tracks is lifted, and holds by no cohesion any more."""
+        vehicle = tracked(cog, height, slip=0.5)
+        soil = Soil.of(cohesion, 20.0, depth, modulus)
+        angle = climb(vehicle, soil, 0.5).angle
+
+        def drives(slope: float) -> bool:
+            need = slope_demand(vehicle, soil, slope)
+            return need.drives and need.slip < 0.5
+
+        assert drives(angle - 1e-6) and not drives(angle + 1e-6)
+
+    def test_tracks_brake_with_what_holds_them(self) -> None:
+        """tan φ on rock, also with one end lifted; the sprockets' torque; up to the tip-over."""
+        rock = Soil.of(0.0, 35.0, 0.0)
+        for cog in (0.0, 0.15, -0.15):
+            assert braking(tracked(cog), rock) == pytest.approx(math.tan(math.radians(35.0)))
+        assert braking(tracked(torque=15.0), rock) == pytest.approx(300.0 / LOAD)
+        assert braking(tracked(cog=0.05, height=0.6), rock) == pytest.approx(0.3 / 0.6, rel=1e-4)
+        # c A is on top of friction, while all of the tracks touches
+        clay = Soil.of(1.0, 10.0, 0.0)
+        held = 1e3 * 2 * LENGTH * WIDTH / LOAD + math.tan(clay.friction)
+        assert braking(tracked(height=0.1), clay) == pytest.approx(held)
+
+    @pytest.mark.parametrize("angle", [3.0, 12.0, 25.0])
+    def test_tracks_slide_sideways_by_the_mean_along_them(self, angle: float) -> None:
+        """On firm ground nothing pushes ahead: m g sin β is the mean at a shear of L tan ε."""
+        soil, beta = Soil.of(0.0, 30.0, 0.0, 0.03), math.radians(angle)
+        sliding = math.tan(crab_angle(tracked(height=1e-9), soil, beta))
+        share = track.mobilised_mean(LENGTH, soil.shear_modulus, sliding)
+        assert share * math.tan(soil.friction) == pytest.approx(math.tan(beta), rel=1e-6)
+
     def test_motors_limit_the_pull_of_a_whole_track(self) -> None:
         """Two sprockets with 15 N m at 0.1 m pull 300 N, however loads are spread."""
         for cog in (0.0, 0.1):
@@ -214,7 +261,7 @@ class TestKernels:
     def test_turning_of_narrow_and_wide_tracks(self) -> None:
         """A wide pair has the sum of the books, μ W L/4; a narrow one takes less by the circle."""
         soil = Soil.of(0.0, 35.0, 0.0)
-        book = track.turning_moment(LOAD, LENGTH, math.tan(soil.friction))
+        book = math.tan(soil.friction) * LOAD * LENGTH / 4.0
         assert turn_on_spot(tracked(apart=1e5, slip=1.0), soil).resistance == pytest.approx(
             book, rel=1e-3
         )

@@ -16,7 +16,7 @@ from terratool.traversability.soil import surface_figures
 from terratool.traversability.turning import Turning, turn_on_spot
 from terratool.traversability.vehicle import Axle, Soil, Vehicle, Wheel
 from terratool.traversability.verdicts import Reason
-from terratool.traversability.wheel import lateral_grip, towed_resistance
+from terratool.traversability.wheel import grip, towed_resistance
 from tests.budget import examples
 from tests.surveys import level
 
@@ -185,7 +185,7 @@ class TestMonotone:
     def test_cohesion_resists_with_the_grip_of_its_wheels(self) -> None:
         """S = C + W tan φ takes the place of μ W."""
         clay = Soil.of(20, 10, 0)
-        ratio = float(lateral_grip(50.0, clay, Wheel(0.1, 0.06))) / (MU * 50.0)
+        ratio = float(grip(50.0, clay, Wheel(0.1, 0.06))) / (MU * 50.0)
         found = turn_on_spot(skidder(), clay).resistance
         assert found == pytest.approx(ratio * turn_on_spot(skidder(), RIGID).resistance)
 

@@ -15,6 +15,7 @@ from hypothesis import given
 
 import terratool
 from terratool.definition.reader import check
+from terratool.definition.vehicle import ROLLING
 from terratool.errors import DefinitionError, ReadError
 from terratool.traversability.vehicle import (
     Axle,
@@ -26,7 +27,7 @@ from terratool.traversability.vehicle import (
     Vehicle,
     Wheel,
 )
-from terratool.traversability.vehicle_files import CARCASS, ROLLING, load_vehicle, vehicle_of
+from terratool.traversability.vehicle_files import CARCASS, load_vehicle, vehicle_of
 from tests.commands import ROOT, SAMPLE
 from tests.strategies import Json
 from tests.vehicles import LOPSIDED, SMALLEST, source, vehicles

@@ -22,6 +22,9 @@ _LEFT, _RIGHT, _TOP = 52, 12, 22
 _HILL, _STRIP, _GAP, _SUNK, _BELOW = 130, 10, 30, 56, 40
 """Heights of the ground's panel, strip, gap, sinkage's panel and x axis, pixels."""
 
+_LEANS = 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0
+"""Ends of the axis of pitch and roll, degrees, of which numbers stand at both and in the middle."""
+
 SHADING = 0.8, 1.08
 """Factors on a colour in the shade and in full light."""
 
@@ -129,7 +132,8 @@ def _bin(profile: RouteProfile, total: float, columns: int) -> _Bins:
 def _panels(profile: RouteProfile, battery: Battery | None) -> list[_Panel]:
     """Panels of what is known along a profile."""
     leans = np.degrees(profile.pitch), np.degrees(profile.roll)
-    most = max((float(np.nanmax(np.abs(lean), initial=1.0)) for lean in leans), default=1.0)
+    lean = max(float(np.nanmax(np.abs(lean), initial=1.0)) for lean in leans)
+    most = next(angle for angle in _LEANS if angle >= lean)
     margin = 100.0 * (1.0 - np.clip(profile.utilisation, 0.0, 1.0))
     found = [
         _Panel("slip, %", (100.0 * np.clip(profile.slip, 0.0, 1.0),), 0.0, 100.0),
@@ -139,6 +143,8 @@ def _panels(profile: RouteProfile, battery: Battery | None) -> list[_Panel]:
     if battery is not None:
         left = 100.0 * np.clip(1.0 - profile.energy / battery.capacity, 0.0, 1.0)
         found.append(_Panel("charge left, %", (left,), 0.0, 100.0))
+    if not np.nan_to_num(profile.slip).any():
+        del found[0]  # feet, and wheels that never slip
     return [one for one in found if any(np.isfinite(line).any() for line in one.lines)]
 
 

@@ -47,6 +47,7 @@ def _one(report: TraversabilityReport) -> Iterator[str]:
         line = printable(wording.route_line(route))
         if line not in printable(wording.conclusion(report)):
             yield from wrap(f"{route.verdict.label}: {line}")
+        yield from wrap(wording.along_line(route))
         for number, way in enumerate(route.alternatives, 1):
             yield from wrap(f"alternative {number}: {wording.alternative(way)}")
     if report.reach and (line := wording.reach_line(report.reach)) != wording.conclusion(report):
@@ -105,7 +106,7 @@ def _surfaces(report: TraversabilityReport) -> Iterator[Sequence[str]]:
             continue
         yield (
             truncate(title(figures), _NAME),
-            numbers.length(figures.sinkage),
+            numbers.length(figures.sinkage if figures.borne_at is None else figures.borne_at),
             wording.climb(figures),
             numbers.degrees(figures.cross_slope),
             numbers.length(figures.step),

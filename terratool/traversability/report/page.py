@@ -150,16 +150,23 @@ def _pictures_of(report: TraversabilityReport) -> Iterator[dict[str, Any]]:
         "of": "best heading",
         "roses": "",
     }
-    if preview.worst is None or np.array_equal(preview.worst, preview.ground):
+    worst = _own_worst(preview)
+    if worst is None:
         return
     path = rose_path(preview)
     yield {
-        **_picture_of(report, replace(preview, ground=preview.worst), summary.worst_counts),
+        **_picture_of(report, replace(preview, ground=worst), summary.worst_counts),
         "caption": f"The verdict of the worst heading at each place. {_ROSES if path else ''}",
         "of": "worst heading",
         "heights": "",
         "roses": path,
     }
+
+
+def _own_worst(preview: Preview) -> NDArray[np.uint8] | None:
+    """Classes by the worst heading; None where they are those by the best."""
+    worst = preview.worst
+    return None if worst is None or np.array_equal(worst, preview.ground) else worst
 
 
 def _picture_of(
@@ -173,8 +180,9 @@ def _picture_of(
     west, south, east, north = preview.grid.bounds
     width, height = east - west, north - south
     drawn = [(way, " thin") for route in report.routes for way in route.alternatives]
-    drawn += [(route, "" if route.found else " dashed") for route in report.routes]
+    # where a way back is that there, the latter is seen
     drawn += [(route.back, " dashed") for route in report.routes if route.back is not None]
+    drawn += [(route, "" if route.found else " dashed") for route in report.routes]
     ways = [(_points(route, preview), style) for route, style in drawn]
     scale = ticks(0.0, width, 4)[1]
     parts = {ground: fraction_of(counts, ground) for ground in wording.GROUNDS}
@@ -213,15 +221,24 @@ def _caption(report: TraversabilityReport, preview: Preview) -> str:
     caption += f"North is up; a pixel is {numbers.length(preview.grid.resolution)}. "
     crs = f" in {preview.crs}" if preview.crs else ""
     caption += f"Along the sides stand x and y{crs}, m."
+    if _own_worst(preview) is not None and report.summary is not None:
+        barred = numbers.share(fraction_of(report.summary.worst_counts, GroundClass.NO_GO))
+        caption += f" With the worst heading {barred} is no-go, as another map shows."
     if report.keep_out:
         names = join_words([quote(zone.name) for zone in report.keep_out])
-        caption += f" Dotted outlines: keep-out {names}."
+        caption += f" White dashed outlines: keep-out {names}."
     if any(
         route.profile is not None and any(True for _ in corridor(route.profile))
         for route in report.routes
     ):
         caption += " Beside a way lies the strip over which the vehicle drifts downhill if nobody "
         caption += "steers against it between two corners."
+    if any(route.alternatives for route in report.routes):
+        caption += " Thin lines with numbers are alternatives."
+    if any(route.back is not None for route in report.routes):
+        caption += " Ways back are dashed."
+    if any(route.found and route.tightest is not None for route in report.routes):
+        caption += " T is where the margin of a way is least."
     if report.reach is not None and report.summary is not None:
         caption += f" Blue is the rim of what can be reached from {_source(report)}."
     binding = ", ".join(f"{reason} {part}" for reason, part in tables.reasons(report).rows[:5])
@@ -296,6 +313,10 @@ def _pins(report: TraversabilityReport, source: str, preview: Preview) -> list[_
         pins.append(("pin", "S", report.reach.start))
     for number, route in enumerate(report.routes, 1):
         suffix = _suffix(report, number)
+        for which, way in enumerate(route.alternatives, 1):
+            pins.append(("pin other", f"{suffix}{'.' * bool(suffix)}{which}", _halfway(way)))
+        if route.found and route.tightest is not None:
+            pins.append(("pin tight", f"T{suffix}", route.tightest.place))
         pins += [("pin", f"A{suffix}", route.start), ("pin", f"B{suffix}", route.goal)]
     found = []
     for style, text, place in pins:
@@ -303,6 +324,15 @@ def _pins(report: TraversabilityReport, source: str, preview: Preview) -> list[_
         if 0.0 <= right <= 1.0 and 0.0 <= down <= 1.0:
             found.append(_Pin(style, text, 100.0 * right, 100.0 * down))
     return found
+
+
+def _halfway(route: Route) -> Location:
+    """Place in the middle of a way; its start where it has no profile."""
+    profile = route.profile
+    if profile is None or not len(profile.distance):
+        return route.start
+    middle = int(np.searchsorted(profile.distance, 0.5 * profile.distance[-1]))
+    return replace(route.start, x=float(profile.x[middle]), y=float(profile.y[middle]))
 
 
 def _source(report: TraversabilityReport) -> str:

@@ -102,6 +102,7 @@ class SurfaceKeys(Struct, frozen=True):
     resistance_N: Newtons | None
     drawbar_N: Newtons | None
     bearing_N: Newtons | None
+    borne_at_m: Metres | None
     torque_Nm: NewtonMetres | None
     utilisation: float | None
     slip: float | None

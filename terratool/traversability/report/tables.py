@@ -39,6 +39,19 @@ def _by_surface(
     return Table((Column("surface", False), *(column for column, _ in columns)), tuple(rows))
 
 
+def _without_empty(table: Table) -> Table:
+    """The table without columns in which all cells are dashes, such as what is a wheel's alone."""
+    kept = [
+        number
+        for number in range(len(table.columns))
+        if not table.rows or any(row[number] != numbers.NOTHING for row in table.rows)
+    ]
+    return Table(
+        tuple(table.columns[number] for number in kept),
+        tuple(tuple(row[number] for number in kept) for row in table.rows),
+    )
+
+
 def abilities(report: TraversabilityReport) -> Table:
     """Table of abilities on each surface, with the measures that bind."""
     return _by_surface(
@@ -94,7 +107,7 @@ def loads(report: TraversabilityReport) -> Table:
 
 def contact(report: TraversabilityReport) -> Table:
     """Table of stresses and forces between wheel and soil on each surface."""
-    return _by_surface(
+    table = _by_surface(
         report,
         (Column("load, N"), lambda f: numbers.number(f.load)),
         (Column("sinkage, mm"), lambda f: _scaled_text(f.sinkage, 1e3)),
@@ -117,7 +130,10 @@ def contact(report: TraversabilityReport) -> Table:
         (Column("resistance, N"), lambda f: numbers.number(f.resistance)),
         (Column("drawbar pull, N"), lambda f: numbers.number(f.drawbar)),
         *(
-            ((Column("bears, N"), lambda f: numbers.number(f.bearing)),)
+            (
+                (Column("bears, N"), lambda f: numbers.number(f.bearing)),
+                (Column("stands, mm deep"), lambda f: _scaled_text(f.borne_at, 1e3)),
+            )
             if report.vehicle.feet
             else ()
         ),
@@ -125,6 +141,7 @@ def contact(report: TraversabilityReport) -> Table:
         (Column("strength used"), lambda f: _used_share(f.utilisation)),
         (Column("slip"), lambda f: numbers.share(f.slip)),
     )
+    return _without_empty(table)
 
 
 def soils(report: TraversabilityReport) -> Table:
@@ -288,23 +305,11 @@ def journey(route: Route) -> Iterator[tuple[str, str]]:
     ):
         if text != numbers.NOTHING:
             part = wording.turning_share(route) if name == "energy" else ""
-            yield name, f"{text}, {part}" if part else text
+            yield name, f"{text}, {part} of it for turns on the spot" if part else text
     if used := wording.charge_used(route):
         yield "battery", used
-    if route.stop is not None:
-        yield "longest stop", f"{wording.stop(route.stop.value)}, {wording.where(route.stop.place)}"
-    if slow := wording.slow_phrase(route):
-        yield "slowest to stop in time", slow
-    if route.steepest is not None:
-        pitch = route.steepest.value
-        way = (" up" if pitch > 0 else " down") if pitch else ""
-        slope = f"{numbers.degrees(abs(pitch))}{way}"
-        yield "steepest", f"{slope} at {wording.where(route.steepest.place)}"
-    if route.softest is not None:
-        sunk = numbers.length(route.softest.value)
-        yield "softest", f"{sunk} of sinkage at {wording.where(route.softest.place)}"
-    if drift := wording.drifts(route).removeprefix("; drifts "):
-        yield "drift", f"{drift}; {numbers.length(route.drift_total)} in all"
+    if route.tightest is not None:
+        yield "least margin", wording.margin(route.tightest)
     if caution := wording.caution_length(route):
         yield "caution", f"on {caution}"
     if route.least_chance is not None and route.chance is not None:
@@ -312,12 +317,22 @@ def journey(route: Route) -> Iterator[tuple[str, str]]:
         place = wording.where(route.least_chance.place)
         yield "probability of go", f"{numbers.share(route.chance)} for all of it"
         yield "least probability", f"{least} at {place}"
-    if route.tightest is not None:
-        yield "least margin", wording.margin(route.tightest)
     for index, bar in enumerate(route.against):
         yield ("one-way" if index == 0 else "and"), f"no way back by {wording.barrier(bar)}"
     if route.one_way and not route.against:
         yield "one-way", "it cannot be driven back the same way"
+    if drift := wording.drift(route):
+        yield "drift", f"{drift}; {numbers.length(route.drift_total)} in all"
+    if route.steepest is not None:
+        ground = wording.on_ground(route.steepest.place)
+        yield "steepest", f"{wording.pitch(route.steepest)}{ground}"
+    if route.softest is not None:
+        sunk = numbers.length(route.softest.value)
+        yield "softest", f"{sunk} of sinkage at {wording.where(route.softest.place)}"
+    if slow := wording.slow_phrase(route):
+        yield "slowest to stop in time", slow
+    if route.stop is not None:
+        yield "longest stop", f"{wording.stop(route.stop.value)}, {wording.where(route.stop.place)}"
     if looked := wording.headings_line(route):
         yield "headings", looked
     for number, other in enumerate(route.alternatives, 1):

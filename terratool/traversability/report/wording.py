@@ -44,8 +44,11 @@ _PHRASES = {
     GroundClass.EDGE: "lies at the edge, where the ground ends under the vehicle or in its way",
 }
 
-_DRIFT = 0.05
-"""Least drift that is said, m."""
+_DRIFT, _MUCH_DRIFT = 0.05, 0.5
+"""Least drift, m, that is told of a route, and that its sentence has."""
+
+_LEVEL = math.radians(0.05)
+"""Least slope of a route that is said, rad: less is shown as none."""
 
 _MUCH = 0.1
 """Difference of shares by the best and by the worst heading that is said."""
@@ -57,10 +60,10 @@ PRESET = "sandy-loam-15"
 
 
 def turning_share(route: Route) -> str:
-    """Phrase on the share of a route's energy that turns take; empty where they take none."""
+    """Share of a route's energy that turns on the spot take; empty where they take none."""
     if not (route.turning and route.energy and math.isfinite(route.energy)):
         return ""
-    return f"{numbers.share(route.turning / route.energy)} of it for turns on the spot"
+    return numbers.share(route.turning / route.energy)
 
 
 def climb(figures: Figures) -> str:
@@ -88,6 +91,16 @@ def load(one: Load) -> str:
     side = "" if not one.ahead else " ahead" if one.ahead > 0.0 else " behind"
     shifted = f" and {numbers.length(abs(one.ahead))}{side}" if side else ""
     return f"{line} high{shifted}"
+
+
+def one_load(vehicle: Vehicle) -> str:
+    """Sentence on a vehicle whose load does not differ; empty for others, and a wheel by itself."""
+    if vehicle.loads or not vehicle.axles or not vehicle.name:
+        return ""
+    return (
+        f"All of this holds for a mass of {numbers.quantity(vehicle.mass, 'kg')}. With a range, "
+        '"mass": [low, high], in the vehicle file it holds for all loads.'
+    )
 
 
 def empty_battery(route: Route) -> str:
@@ -142,8 +155,13 @@ def point(place: tuple[float, float]) -> str:
 
 def where(place: Location) -> str:
     """Coordinates of a place, with surface and element."""
-    ground = [part for part in (name(place.surface), place.element) if part]
-    return f"{coordinates(place)}{' on ' if ground else ''}{', '.join(ground)}"
+    return f"{coordinates(place)}{on_ground(place)}"
+
+
+def on_ground(place: Location) -> str:
+    """Surface and element of a place, as they follow its coordinates; empty for neither."""
+    known = [part for part in (name(place.surface), place.element) if part]
+    return f"{' on ' if known else ''}{', '.join(known)}"
 
 
 def name(surface: str) -> str:
@@ -189,32 +207,64 @@ def margin(extreme: Extreme) -> str:
     return f"{left}{which}, at {where(extreme.place)}"
 
 
-def drifts(route: Route) -> str:
+def drift(route: Route) -> str:
     """Phrase on the drift of a route on side slopes; empty where it hardly drifts."""
     if route.drift is None or route.drift.value < _DRIFT:
         return ""
-    line = f"; drifts {numbers.length(route.drift.value)} downhill"
-    line += ", more than its maxDrift," * route.strays
-    line += f" by {coordinates(route.drift.place)}"
+    line = f"{numbers.length(route.drift.value)} downhill by {coordinates(route.drift.place)}"
     far = "" if route.crab is None else f"up to {numbers.degrees(route.crab.value)} "
     return f"{line} unless it heads {far}uphill"
 
 
+def _drift_line(route: Route) -> str:
+    """Sentence on a drift that is long, or more than the vehicle's largest; empty for others."""
+    if route.drift is None or not (route.strays or route.drift.value >= _MUCH_DRIFT):
+        return ""
+    line = f"It drifts {numbers.length(route.drift.value)} downhill"
+    return f"{line}, more than its maxDrift." if route.strays else f"{line} unless steered uphill."
+
+
+def along_line(route: Route) -> str:
+    """Sentence on what a route takes and meets beside what `route_line` says; empty for none."""
+    parts = []
+    if turns := turning_share(route):
+        parts.append(f"turns on the spot take {turns} of the energy")
+    if route.steepest is not None and abs(route.steepest.value) >= _LEVEL:
+        parts.append(f"steepest {pitch(route.steepest)}")
+    if route.softest is not None and route.softest.value > 0.0:
+        sunk = numbers.length(route.softest.value)
+        parts.append(f"deepest sinkage {sunk} at {coordinates(route.softest.place)}")
+    if drifts := drift(route):
+        parts.append(f"drift {drifts}")
+    return f"Along it: {'; '.join(parts)}." if parts else ""
+
+
+def pitch(steepest: Extreme) -> str:
+    """Phrase on the steepest place of a route: the slope, up or down, and where it is."""
+    angle = steepest.value
+    way = (" up" if angle > 0 else " down") if angle else ""
+    return f"{numbers.degrees(abs(angle))}{way} at {coordinates(steepest.place)}"
+
+
 def caution_length(route: Route) -> str:
     """Phrase on the length of a route that is caution, with reasons; empty for none."""
+    length, found = _caution(route)
+    reasons = ", ".join(because(code) for code in found[:3])
+    return f"{numbers.length(length)} of it: {reasons}" if found else ""
+
+
+def _caution(route: Route) -> tuple[float, list[Reason]]:
+    """Length of a route that is caution, m, and the reasons, that of the longest part first."""
     profile = route.profile
     if profile is None or len(profile.distance) < 2:
-        return ""
+        return 0.0, []
     # a sample stands for half the way to each of its neighbours
     steps = np.diff(profile.distance)
     parts = 0.5 * (np.append(steps, 0.0) + np.insert(steps, 0, 0.0))
     parts[profile.verdict != Verdict.CAUTION] = 0.0
     by_reason = np.bincount(profile.reason, parts, len(Reason))
     found = [Reason(code) for code in np.argsort(-by_reason, kind="stable") if by_reason[code] > 0]
-    if not found:
-        return ""
-    reasons = ", ".join(because(code) for code in found[:3])
-    return f"{numbers.length(float(parts.sum()))} of it: {reasons}"
+    return float(parts.sum()), found
 
 
 def ends(route: Route) -> str:
@@ -223,8 +273,16 @@ def ends(route: Route) -> str:
 
 
 def route_line(route: Route) -> str:
-    """Sentence on a route, with the number of headings of the search where that matters."""
-    lines = _way(route), all_go_line(route), headings_line(route), return_line(route)
+    """Sentences on a route, what matters most first: whether there is a way, and what it takes.
+
+    Then follow where it is tight, drift that is long, and whether another way is better.
+    """
+    lines = [_way(route)]
+    if route.found:
+        lines += _tight_line(route), _drift_line(route), empty_battery(route), all_go_line(route)
+    if route.found or not route.note:
+        lines.append(headings_line(route))
+    lines.append(return_line(route))
     return " ".join(filter(None, lines))
 
 
@@ -253,7 +311,7 @@ def _way(route: Route) -> str:
             what = "The way through the waypoints cannot be driven"
         else:
             what = f"There is no way from {ends(route)}"
-        if not route.barriers:
+        if route.note or not route.barriers:  # the note says what bars it
             return f"{what}."
         more = len(route.barriers) - 1
         rest = f" (and {count_of(more, 'more place')})" if more else ""
@@ -264,21 +322,28 @@ def _way(route: Route) -> str:
         line += f", {charge_used(route)}"
     if slow := slow_phrase(route):
         line += f"; to stop in time no faster than {slow}"
-    if caution := caution_length(route):
-        line += f"; caution on {caution}"
-    if route.least_chance is not None and route.chance is not None:
-        line += f"; probability of go {numbers.share(route.chance)} for all of it"
-        line += f", least {numbers.share(route.least_chance.value)}"
-        line += f" at {coordinates(route.least_chance.place)}"
-    line += drifts(route)
-    if route.tightest is not None:
-        reason = route.tightest.reason
-        of = f" ({reason.label})" if reason != Reason.NONE else ""
-        line += f"; least margin {numbers.share(max(route.tightest.value, 0.0))}{of}"
-        line += f" at {coordinates(route.tightest.place)}"
-        if route.load is not None:
-            line += f", with a load of {load(route.load)}"
-    return f"{line}. {empty_battery(route)}".rstrip()
+    if route.chance is not None:
+        line += f"; probability of go {numbers.share(route.chance)}"
+    return f"{line}."
+
+
+def _tight_line(route: Route) -> str:
+    """Sentence on where a route is tight, why, and how much of it is caution; empty for none."""
+    tightest = route.tightest
+    length, reasons = _caution(route)
+    caution = f"caution on {numbers.length(length)}" if reasons else ""
+    if tightest is None:
+        return f"{caution.capitalize()} of it." if caution else ""
+    of = f" ({tightest.reason.label})" if tightest.reason != Reason.NONE else ""
+    line = f"Least margin {numbers.share(max(tightest.value, 0.0))}{of}"
+    line += f" at {coordinates(tightest.place)}"
+    if route.load is not None:
+        line += f", with a load of {load(route.load)}"
+    if caution:
+        line += f"; {caution}"
+        if reasons != [tightest.reason]:
+            line += f" of it: {', '.join(because(code) for code in reasons[:3])}"
+    return f"{line}."
 
 
 def headings_line(route: Route) -> str:
@@ -302,8 +367,6 @@ def _journey(route: Route) -> str:
     line = f"{numbers.length(route.length)}, {numbers.duration(route.time)}"
     if route.energy is not None and math.isfinite(route.energy):
         line += f", {numbers.energy(route.energy)}"
-        if part := turning_share(route):
-            line += f", {part}"
     return line
 
 
@@ -312,7 +375,10 @@ def return_line(route: Route) -> str:
     line = ""
     if route.one_way:
         line = "It is one-way: it cannot be driven back the same way"
-        line += f" ({barrier(route.against[0])})." if route.against else "."
+        if route.against:
+            bar = route.against[0]
+            line += f", for {because(bar.reason)} at {coordinates(bar.place)}"
+        line += "."
     if route.back is None:
         return line
     if not route.back.found:
@@ -397,6 +463,8 @@ def slip_unknown(report: TraversabilityReport) -> str:
     """Sentence on why and where slip is not known; empty where it is."""
     if report.vehicle.model == "paper":
         return "There is no slip in the model paper."
+    if report.vehicle.feet:
+        return "Feet hold or slide; they have no slip."
     without = [one for one in report.surfaces if one.load and one.slip_curve is None]
     hard = [name(one.surface) for one in without if not one.sinkage_rate]
     soft = [name(one.surface) for one in without if one.sinkage_rate]

@@ -255,7 +255,7 @@ class Arc(NamedTuple):
         offset: rows and columns to the cell that it leads to.
         corner: rows and columns to the cell at which its tangents meet.
         legs: lengths of these from both its ends to there, in sides of a cell.
-        wide: its radius, likewise.
+        wide: its radius, in sides of a cell.
         length: length, in sides of a cell.
         places: (n, 2) float64 rows and columns along it, less than a tenth of a cell apart.
         directions: (n,) float64 direction at each, degrees clockwise from north.

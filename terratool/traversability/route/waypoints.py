@@ -35,12 +35,7 @@ def read_waypoints(path: str | Path) -> NDArray[np.float64]:
         ReadError: the file cannot be read, a line holds no two numbers, or there are fewer than two
             points.
     """
-    source = read_source(path, _MOST_BYTES, "Give a path of fewer points.")
-    name = source.name
-    try:
-        text = source.data.decode()
-    except UnicodeDecodeError as error:
-        raise ReadError(f"{name}: is no UTF-8 text.", "Save it as UTF-8 CSV or GeoJSON.") from error
+    name, text = _text_of(path, "CSV or GeoJSON")
     points = _geojson(name, text) if text.lstrip().startswith("{") else _csv(name, text)
     if len(points) < 2:
         count = "one waypoint" if points else "no waypoints"
@@ -101,12 +96,17 @@ def parsed_geojson(path: str | Path, hint: str) -> tuple[str, Any]:
     Raises:
         ReadError: the file cannot be read, or is no JSON.
     """
+    name, text = _text_of(path, "GeoJSON")
+    return name, _json(name, text, hint)
+
+
+def _text_of(path: str | Path, kind: str) -> tuple[str, str]:
+    """The name of a file of a kind, for messages, and its text."""
     source = read_source(path, _MOST_BYTES, "Give a path of fewer points.")
     try:
-        text = source.data.decode("utf-8-sig")
+        return source.name, source.data.decode()
     except UnicodeDecodeError as error:
-        raise ReadError(f"{source.name}: is no UTF-8 text.", "Save it as UTF-8 GeoJSON.") from error
-    return source.name, _json(source.name, text, hint)
+        raise ReadError(f"{source.name}: is no UTF-8 text.", f"Save it as UTF-8 {kind}.") from error
 
 
 def _json(name: str, text: str, hint: str) -> Any:

@@ -44,7 +44,7 @@ def read_keep_out(path: str | Path) -> tuple[Zone, ...]:
 
 def _geometries(name: str, value: Any) -> Iterator[tuple[str, dict[str, Any], dict[str, Any]]]:
     """Yield the geometries of a GeoJSON object with their zones' names, and properties."""
-    if not isinstance(value, dict):
+    if not (isinstance(value, dict) and isinstance(value.get("type"), str)):
         raise ReadError(f"{name}: is no GeoJSON.", _POLYGON)
     features = value.get("features") if value.get("type") == "FeatureCollection" else [value]
     if not isinstance(features, list):
