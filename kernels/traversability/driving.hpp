@@ -88,6 +88,8 @@ struct Drive {
     double torque_used;  // the largest share of a motor's
     double slip;         // the largest; 0 where no K is known
     double power;        // of the wheels for each metre of ground, J; infinity where it stays
+
+    bool moves() const { return utilisation < 1.0 && slip < 1.0 && torque_used <= 1.0; }
 };
 
 template <class Visit> void visit_members(Drive& d, Visit visit) {
@@ -217,7 +219,7 @@ inline double crab_across(const Layout& layout, double weight, const Soils& soil
     Gravity g = gravity(0.0, tan(angle));
     load_wheels(wheels, layout, weight, g);
     Drive drive = drive_wheels(wheels, 0.0);
-    if (!(drive.utilisation < 1.0 && drive.slip < 1.0)) return PI / 2.0;
+    if (!drive.moves()) return PI / 2.0;
     return atan(crab_tangent(wheels, weight * abs(g.left)));
 }
 

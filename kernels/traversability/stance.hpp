@@ -56,7 +56,7 @@ inline SlopeState slope_state(const Vehicle& v, double along, double across, Loa
     double most = pulls(wheels, least_mobilised(wheels, v.slip), true).force;
     out.drawbar = most - towing + v.weight * g.forward;
     Drive drive = drive_wheels(wheels, -v.weight * g.forward);
-    bool moves = drive.utilisation < 1.0 && drive.slip < 1.0 && drive.torque_used <= 1.0;
+    bool moves = drive.moves();
     out.energy = moves ? drive.power : INF;
     out.crab = moves ? atan(crab_tangent(wheels, v.weight * abs(g.left))) : 0.0;
     out.deepest = 0.0, out.sunk = deepest_share(wheels);

@@ -395,7 +395,7 @@ VEHICLE_KEYS: dict[Shape, dict[str, Key]] = {
             "How far it may drift downhill between two corners of a route, m; a route on which it "
             "would drift farther is caution. Without it, there is no limit.", 0.5,
         ),
-        "efficiency": share("an efficiency").describe(
+        "efficiency": Key("an efficiency, from 1e-06 to 1", "number", LEAST, 1).describe(
             "Share of the electrical power of motors that arrives at the wheels; nothing is gained "
             "where they brake.", 0.7, default=1,
         ),

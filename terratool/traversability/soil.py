@@ -274,14 +274,17 @@ def worst_turning(found: Sequence[Turning]) -> Turning:
 def step_friction(vehicle: Vehicle, soil: Soil) -> float:
     """Coefficient of friction at steps: what holds the driven wheel that bears most, by its load.
 
-    It is A (C + W μ)/W at the slip of `slip_limit`, as in climbs, and tan φ in the model `paper`.
+    It is A (C + W μ)/W at the slip of `slip_limit`, as in climbs, but without the shear of rolling
+    x0, as no wheel sinks into an edge; and tan φ in the model `paper`.
     """
     wheel, load = governing_wheel(vehicle)
     if vehicle.tracks:
         return track_friction(vehicle, soil, slip_limit(vehicle))
     if not (wheel.slips and load > 0.0) or vehicle.feet:
         return math.tan(soil.friction)
-    return float(wheels.grip(load, soil, wheel, slip_limit(vehicle))) / load
+    edge = wheels.traction(load, replace(soil, sinkage=0.0), wheel, slip_limit(vehicle))
+    held = float(wheels.grip(load, replace(soil, shear_modulus=0.0), wheel))
+    return float(edge.mobilised) * held / load
 
 
 def surface_figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
@@ -340,10 +343,9 @@ def _figures(name: str, surface: Surface, vehicle: Vehicle) -> Figures:
     wheels.check(load, soil, wheel)
     contact = wheels.contact(load, soil, wheel)
     best = wheels.traction(load, soil, wheel, slip_limit(vehicle))
-    need = level_demand(vehicle, soil)
-    verdict, reason, _ = judge_level(vehicle, need)
+    need, margin = level_demand(vehicle, soil), slope_margin(vehicle, soil)
+    verdict, reason, _ = judge_level(vehicle, _kept_demand(vehicle, soil, need, margin))
     to_side, backwards, _ = tip_over(vehicle)
-    margin = slope_margin(vehicle, soil)
     up, up_limit = largest_slope(
         climb(vehicle, soil, slip_limit(vehicle)), margin, backwards - vehicle.margins.tip
     )
@@ -437,6 +439,17 @@ _OF_WHEELS = (
     "strength", "motor_stress",
 )  # fmt: skip
 """Attributes of `Figures` that have another meaning, or none, for tracks and feet."""
+
+
+def _kept_demand(vehicle: Vehicle, soil: Soil, need: SlopeDemand, margin: float) -> SlopeDemand:
+    """The demand on the level that a margin of slopes, rad, leaves in reserve, as maps judge it.
+
+    The model `paper` keeps none on the level, and feet stand on footholds.
+    """
+    if not (margin > 0.0 and vehicle.wheel.slips) or vehicle.feet:
+        return need
+    steeper = slope_demand(vehicle, soil, margin)
+    return steeper._replace(sinkage=need.sinkage, depth=need.depth)
 
 
 def level_energy(vehicle: Vehicle, need: SlopeDemand) -> float:

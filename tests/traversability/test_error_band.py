@@ -20,7 +20,7 @@ from terratool.traversability.report.lines import as_lines
 from terratool.traversability.report.page import as_markdown, as_page
 from terratool.traversability.soil import on_the_safe_side, surface_figures
 from terratool.traversability.tiles import survey
-from terratool.traversability.vehicle import Axle, Vehicle, Wheel
+from terratool.traversability.vehicle import Axle, Margins, Vehicle, Wheel
 from terratool.traversability.verdicts import Reason, Verdict
 from terratool.traversability.wheel import ERROR_BAND
 from tests.commands import call
@@ -78,6 +78,25 @@ def test_the_map_keeps_it_too(below: float, drives: bool) -> None:
     grid = Grid(5.95, 5.95, 0.1, 1, 1)
     found = (survey(terrain, one, grid) for one in (ROVER, on_the_safe_side(ROVER)))
     assert [one.verdict[2, 0, 0] != Verdict.NO_GO for one in found] == [True, drives]
+
+
+@pytest.mark.parametrize("margins", [Margins(soil=ERROR_BAND), Margins(slope=math.radians(6))])
+@pytest.mark.parametrize("friction", [10.0, 13.0, 18.0, 24.0, 34.0])
+def test_the_level_is_judged_as_the_map_judges_it(margins: Margins, friction: float) -> None:
+    """The margin counts on the level, too: what could not climb it is no-go there."""
+    mud = {"cohesion": 0, "fricAngle": friction, "sinkage": 0.1, "shearModulus": 0.02}
+    terrain = terrain_of(
+        {
+            "size": [12, 12], "surfTypes": {"mud": mud}, "elemTypes": {"flat": {"x": [1]}},
+            "elemTree": {"type": "flat", "vScale": 0, "surface": "mud"},
+        }
+    )  # fmt: skip
+    kept = replace(ROVER, margins=margins)
+    found = survey(terrain, kept, Grid(5.95, 5.95, 0.1, 1, 1))
+    figures = surface_figures("mud", terrain.surface_types["mud"], kept)
+    assert figures.verdict == Verdict(found.verdict[0, 0, 0])
+    assert figures.reason in (Reason.NONE, Reason(found.reason[0, 0, 0]))
+    assert (figures.verdict == Verdict.NO_GO) == (figures.climb == 0.0 or figures.climb is None)
 
 
 def test_all_formats_have_the_band(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from terratool.traversability import limits
+from terratool.traversability.soil import step_friction
 from terratool.traversability.vehicle import Axle, Soil, Vehicle, Wheel
 
 CASES = 400
@@ -91,6 +92,20 @@ def test_better_never_climbs_worse(what: str, slips: bool) -> None:
         gains += after > before + 1e-6
     of_slip_alone = ("K", "contact length", "lugs", "pressure")
     assert (gains > CASES // 10) == (slips or what not in of_slip_alone)
+
+
+@pytest.mark.parametrize("slip", [0.05, 0.6])
+@pytest.mark.parametrize("what", ["k", "k, to 0", "c", "φ", "K"])
+def test_a_step_is_climbed_as_well_on_better_soil(what: str, slip: float) -> None:
+    """An edge is rigid: what rolling shears as the wheel sinks into soil counts for nothing."""
+    rng = np.random.default_rng(len(what))
+    for wheel, soil, load in cases(True):
+        limited = replace(wheel, max_slip=slip)
+        better = BETTER[what](limited, soil, float(rng.uniform(0.02, 0.9)))[1]
+        before, after = (
+            step_friction(Vehicle.single(limited, load), each) for each in (soil, better)
+        )
+        assert after >= before * (1.0 - 1e-12), (wheel, soil, load)
 
 
 def test_the_husky_on_firmer_and_firmer_ground() -> None:

@@ -306,7 +306,11 @@ def arc_of(begin: Offset, end: Offset, radius: float) -> Arc:
     places = places + after * np.clip(at - rests[0] - bow, 0.0, None)
     directions = np.degrees(one + math.copysign(1.0, turn) * swung[:, 0]) % 360.0
     near = [np.round(places + aside_) for aside_ in (-1e-6, 1e-6)]
-    cells = np.unique(np.concatenate([*near, [[0.0, 0.0], offset]]).astype(np.int64), axis=0)
+    passed = np.concatenate([*near, [[0.0, 0.0], offset]]).astype(np.int64)
+    low, across = passed.min(axis=0), int(np.ptp(passed[:, 1])) + 1
+    # a number for each, as rows are slow to sort
+    numbers = np.unique((passed - low) @ [across, 1])
+    cells = np.stack(np.divmod(numbers, across), axis=1) + low
     row, column = offset.astype(int).tolist()
     down, right = (counts[0] * ways[0]).astype(int).tolist()
     before, after = legs.tolist()
