@@ -459,8 +459,8 @@ def level_energy(vehicle: Vehicle, need: SlopeDemand) -> float:
 
 
 def _cannot_turn(surface: str, turning: Turning) -> tuple[str, ...]:
-    """A sentence on a surface where a vehicle cannot turn on the spot; none where it can."""
-    if turning.possible:
+    """A sentence on a surface where a vehicle cannot turn on the spot, if it ever does."""
+    if turning.possible or turning.reason == Reason.TURNING:
         return ()
     on, by = quote(surface), turning.reason.label
     return (f"It cannot turn on the spot on {on}: {by}. Routes and the map do not turn there.",)

@@ -291,7 +291,7 @@ class TestWaypoints:
             math.hypot(*one) + math.hypot(*two) + 2.0 * angle - 4.0 * math.tan(0.5 * angle),
             rel=1e-3,
         )
-        said = f"arcs of 2 m: the way passes waypoint 2 {numbers.length(missed)} beside it."
+        said = f"arcs of 2 m: the way misses waypoint 2 by {numbers.length(missed)}."
         assert said in route.note
 
     def test_legs_that_are_too_short_bar(self) -> None:
@@ -306,6 +306,16 @@ class TestWaypoints:
                     (bar,) = route.barriers
                     assert bar.reason == Reason.TURNING
                     assert (bar.place.x, bar.place.y) == pytest.approx(way[2])
+
+    @pytest.mark.parametrize("degrees", [5.0, 30.0, 67.0])
+    def test_what_a_car_can_back_out_of_is_not_one_way(self, degrees: float) -> None:
+        """Whatever its direction, between headings, too; a strip that is not climbed bars it."""
+        survey, terrain = drawn(("." * 60 + "\n") * 60, resolution=0.5), level(30, 30)
+        along = np.array([math.sin(math.radians(degrees)), math.cos(math.radians(degrees))])
+        points = [(2.0, 2.0), tuple(np.array([2.0, 2.0]) + 25.0 * along)]
+        assert check_route(terrain, car(12.0), survey, points).verdict == Verdict.GO
+        survey.verdict[3:7, 30:32] = survey.verdict[3:7, :, 30:32] = Verdict.NO_GO
+        assert check_route(terrain, car(12.0), survey, points).one_way
 
     def test_a_line_is_not_rounded(self) -> None:
         """Three points in a line, and a way there and back, which no arc can turn."""

@@ -21,7 +21,7 @@ from terratool.traversability.map_files import map_paths
 from terratool.traversability.preparing import prepare_assessment
 from terratool.traversability.report.document import as_dict
 from terratool.traversability.report.page import as_page
-from terratool.traversability.report.routes import as_geojson
+from terratool.traversability.report.routes import as_geojson, route_features
 from terratool.traversability.report.wording import along_line, route_line
 from terratool.traversability.request import Request
 from terratool.traversability.route.drifting import corridor, drift_along, drift_total, stretches
@@ -265,3 +265,20 @@ def test_drift_is_that_of_the_survey() -> None:
     route = plan_route(slope(0), ROVER, found, (1.5, 1.5), (1.5, 6.5))
     assert route.profile is not None and route.found
     assert route.profile.drift[-1] == pytest.approx(-0.5)
+
+
+def test_strips_are_valid_polygons() -> None:
+    """A line along a ditch drifts to one side, and then to the other: no outline crosses itself."""
+    from shapely.geometry import shape
+
+    x, y = np.linspace(0.0, 12.0, 49), np.full(49, 3.0)
+    drift = 0.8 * np.sin(x)
+    profile = profiled(x, y, drift)
+    route = replace(
+        reported(slope(0), 20, 7, 20, 13).routes[0], profile=profile, crab=None, back=None
+    )
+    (strip,) = (one for one in route_features([route]) if one["properties"]["kind"] == "drift")
+    area = shape(strip["geometry"])
+    assert area.is_valid and area.geom_type == "MultiPolygon"
+    assert area.area == pytest.approx(np.abs(drift).mean() * 12.0, rel=0.05)
+    assert all(part.exterior.is_ccw for part in area.geoms)

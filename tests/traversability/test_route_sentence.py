@@ -13,6 +13,7 @@ from terratool.traversability.report.drawing import chart
 from terratool.traversability.report.lines import as_lines
 from terratool.traversability.report.page import as_markdown, as_page
 from terratool.traversability.route.results import Extreme
+from terratool.traversability.vehicle import Load
 from terratool.traversability.verdicts import Reason, Verdict
 from tests import reports
 
@@ -88,6 +89,16 @@ def test_a_page_shows_where_a_way_is_tight() -> None:
     assert f'<span class="pin tight" style="left:{left:.2f}%;top:{top:.2f}%"' in page
     assert "T is where the margin of a way is least." in page
     assert "pin tight" not in as_page(reports.report(routes=(reports.NO_WAY,), reach=None))
+
+
+def test_a_page_says_which_load_it_holds_for() -> None:
+    """Where the load differs, tables and routes say so instead."""
+    plain = reports.report()
+    loaded = replace(plain.vehicle, loads=(Load(40.0, 0.2, 0.0), Load(50.0, 0.3, 0.0)))
+    said = f"holds for a mass of {plain.vehicle.mass:.3g}"
+    for text in (as_page, as_markdown):
+        assert said in text(plain).replace("\u00a0", " ")
+        assert "holds for a mass of" not in text(replace(plain, vehicle=loaded))
 
 
 def test_tables_leave_out_what_only_wheels_have() -> None:

@@ -234,6 +234,9 @@ class TestCannot:
         found = surface_figures("floor", surface, weak)
         assert found.turning_binding == Reason.TORQUE and found.turning_work is None
         assert found.warnings[-1].startswith('It cannot turn on the spot on "floor": motor torque.')
+        # one that steers as cars do never turns: that is no matter of the ground
+        car = replace(weak, turning_radius=2.0)
+        assert not any("turn" in said for said in surface_figures("floor", surface, car).warnings)
         able = surface_figures("floor", surface, skidder())
         turning = turn_on_spot(skidder(), RIGID)
         assert able.turning == pytest.approx(turning.resistance)

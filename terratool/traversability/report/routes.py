@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from terratool.traversability.results import Reports, TraversabilityReport
 from terratool.traversability.route.drifting import corridor
 from terratool.traversability.route.results import Barrier, Location, Route, RouteProfile
 from terratool.traversability.verdicts import Reason, Verdict
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
 
 Feature = dict[str, Any]
 
@@ -57,9 +60,17 @@ def route_features(routes: Sequence[Route]) -> Iterator[Feature]:
 
 def _zone(zone: Zone) -> Feature:
     """Feature of a keep-out zone: its area, corridors as wide as they are."""
-    import shapely
+    return _feature(_area(zone.shape), {"kind": "keep-out", "name": zone.name})
 
-    return _feature(shapely.geometry.mapping(zone.shape), {"kind": "keep-out", "name": zone.name})
+
+def _area(shape: BaseGeometry) -> dict[str, Any]:
+    """The geometry of polygons; outlines run anticlockwise, those of holes clockwise (RFC 7946)."""
+    import shapely
+    from shapely.geometry.polygon import orient
+
+    parts = [orient(part) for part in shapely.get_parts(shape).tolist()]
+    one = shape.geom_type == "Polygon"
+    return dict(shapely.geometry.mapping(parts[0] if one else shapely.MultiPolygon(parts)))
 
 
 def _features(route: Route, own: dict[str, Any]) -> Iterator[Feature]:
@@ -130,12 +141,22 @@ def _stretches(profile: RouteProfile, own: dict[str, Any]) -> Iterator[Feature]:
 
 def _strip(route: Route, own: dict[str, Any]) -> Iterator[Feature]:
     """The feature of the ground between a route and where it drifts to; none if it hardly does."""
+    import shapely
+
     assert route.profile is not None
-    outlines = [[[*outline.tolist(), outline[0].tolist()]] for outline in corridor(route.profile)]
-    if outlines and route.drift is not None:
+    # an outline crosses itself where the drift changes sides, the ground between two samples hardly
+    pieces = [
+        shapely.convex_hull(
+            shapely.multipoints(np.stack([line[:-1], line[1:], aside[1:], aside[:-1]], axis=1))
+        )
+        for outline in corridor(route.profile)
+        for line, aside in [(outline[: len(outline) // 2], outline[len(outline) // 2 :][::-1])]
+    ]
+    if pieces and route.drift is not None:
+        strip = shapely.union_all(np.concatenate(pieces))
         uphill = None if route.crab is None else exact(math.degrees(route.crab.value))
         yield _feature(
-            {"type": "MultiPolygon", "coordinates": outlines},
+            _area(shapely.MultiPolygon([one for one in shapely.get_parts(strip) if one.area > 0])),
             {"kind": "drift", **own, "drift_m": exact(route.drift.value), "crab_deg": uphill},
         )
 

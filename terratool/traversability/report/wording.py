@@ -93,6 +93,16 @@ def load(one: Load) -> str:
     return f"{line} high{shifted}"
 
 
+def one_load(vehicle: Vehicle) -> str:
+    """Sentence on a vehicle whose load does not differ; empty for others, and a wheel by itself."""
+    if vehicle.loads or not vehicle.axles or not vehicle.name:
+        return ""
+    return (
+        f"All of this holds for a mass of {numbers.quantity(vehicle.mass, 'kg')}. With a range, "
+        '"mass": [low, high], in the vehicle file it holds for all loads.'
+    )
+
+
 def empty_battery(route: Route) -> str:
     """Sentence on a battery that does not last for a route; empty where it does."""
     used = route.charge

@@ -114,7 +114,7 @@ def _leg(begin: Corners, end: Corners, headings: int, fine: bool) -> _Piece | No
     first, last = float(begin[4]), length - float(end[3])
     if last - first < _SAME:
         return None
-    span = length / (2.0 * longer if fine else longer)
+    span = length / (math.ceil(2.0 * length - _SAME) if fine else longer)
     steps = span * np.arange(math.floor(first / span), math.ceil(last / span) + 1)
     at = np.r_[first, steps[(steps > first + _SAME) & (steps < last - _SAME)], last]
     towards = math.degrees(math.atan2(way[1], -way[0])) % 360.0

@@ -34,7 +34,7 @@ MOST_FINER_STATES = 2 * MOST_STATES
 
 
 _MORE_GROUND = 1.2, 4
-"""Most tiles that the search for a way that is all go looks at: a share of the tiles that the search
+"""Most tiles that the search for a way that is all go looks at: a share of those that the search
 before has looked at, and so many more."""
 
 

@@ -292,8 +292,10 @@ class RouteSearch:
             corners = pulled_corners(self.costs, self.found, radius, both, self.near)
             back = bent_path(reversed_corners(corners), survey)
             one_way = not back.is_drivable(survey)
-            if one_way and chain_leads_back:
+            if one_way and chain_leads_back and not both:
                 continue
+            # there is a way back beside the moves, if the car cannot back up all along
+            one_way &= not chain_leads_back
             found = with_way(route, bent_path(corners, survey), self.on, one_way)
             if not found.strays:
                 return found
@@ -358,9 +360,14 @@ def check_route(
     line = rounded(points, tiles.survey.grid, vehicle.turning_radius)
 
     def path_as_known() -> Path:
-        if vehicle.turning_radius and len(points) > 2:
+        if vehicle.turning_radius:
             return bent_path(line.corners, tiles.survey, terrain)
         return straight_path(terrain, tiles.survey, points)
+
+    def backs_up() -> bool:
+        """Whether one that steers as cars do can back up along its way."""
+        back = bent_path(reversed_corners(line.corners), tiles.survey, terrain)
+        return bool(vehicle.turning_radius) and back.is_drivable(tiles.survey)
 
     path = path_as_known()
     tiles.complete(path.row, path.column)
@@ -373,7 +380,7 @@ def check_route(
     )
     found = barriers(on, path)
     if not found:
-        return with_way(route, path, on, not leads_back(path, on))
+        return with_way(route, path, on, not (backs_up() or leads_back(path, on)))
     at = (found[0].place.x, found[0].place.y)
     first = int(np.flatnonzero((path.x == at[0]) & (path.y == at[1]))[0])
     before = location_at(
@@ -389,10 +396,10 @@ def _rounding_note(misses: NDArray[np.float64], radius: float) -> str:
     if not misses.any():
         return ""
     worst = int(misses.argmax())
-    others = ", others nearer" if np.count_nonzero(misses) > 1 else ""
+    others = ", others by less" if np.count_nonzero(misses) > 1 else ""
     return (
-        f"Waypoints are rounded by arcs of {numbers.length(radius)}: the way passes waypoint "
-        f"{worst + 1} {numbers.length(float(misses[worst]))} beside it{others}."
+        f"Waypoints are rounded by arcs of {numbers.length(radius)}: the way misses waypoint "
+        f"{worst + 1} by {numbers.length(float(misses[worst]))}{others}."
     )
 
 
