@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -21,6 +22,7 @@ from terratool.traversability.route.graph import (
     cells_between,
     cheapest_way,
     heading_offsets,
+    rates,
 )
 from terratool.traversability.route.reach import (
     Bits,
@@ -33,6 +35,7 @@ from terratool.traversability.route.reach import (
     spread,
 )
 from tests.budget import examples
+from tests.surveys import ROVER, drawn
 
 RESOLUTION, ARC = 0.5, 0.3
 
@@ -321,3 +324,12 @@ def test_a_knight_passes_two_cells() -> None:
 def test_headings_are_a_multiple_of_four(headings: int) -> None:
     with pytest.raises(RequestError, match=f"with {headings} headings"):
         heading_offsets(headings)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("power", [0.0, 3.0])
+def test_energy_of_wheels_that_spin_on_the_spot(power: float) -> None:
+    """A slip of 1 takes for ever, which costs nothing where nothing is drawn all the time."""
+    seen = drawn("..", slip=np.array([[0.5, 1.0]]), energy=20.0)
+    found = rates(seen, replace(ROVER, power=power), "energy")[0, 0]
+    assert found.tolist() == ([20.0, 20.0] if power == 0.0 else [20.0 + 3.0 / 0.25, math.inf])

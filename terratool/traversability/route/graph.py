@@ -127,7 +127,8 @@ def rates(
         return np.ones(verdict.shape, np.float32)
     if prefer == "energy":
         rate = joules_per_metre(survey.energy[:, *part], vehicle)
-        rate = rate + vehicle.power * seconds_per_metre(slip, speed)
+        if vehicle.power:  # 0 W for ever is nothing, and no number to NumPy
+            rate = rate + vehicle.power * seconds_per_metre(slip, speed)
     else:
         caution, limit = _PRICES[prefer]
         used = np.clip(np.nan_to_num(survey.utilisation[:, *part], nan=1.0), 0.0, 1.0)
