@@ -29,6 +29,7 @@ from terratool.traversability.request import Request
 from terratool.traversability.route.graph import (
     Costs,
     SearchResult,
+    Turns,
     cheapest_way,
     drivable,
     least_rate,
@@ -80,7 +81,7 @@ def planned(survey: Survey) -> tuple[Costs, SearchResult]:
     flags = state_flags(survey, drivable(survey))
     costs = Costs.of(
         rates(survey, ROVER, "time"), flags, survey.heights, survey.grid.resolution,
-        turning_arc(survey, ROVER), least_rate(ROVER, "time"),
+        Turns(turning_arc(survey, ROVER)), least_rate(ROVER, "time"),
     )  # fmt: skip
     starts = np.array([(heading, 0, 0) for heading in range(HEADINGS)], np.int64)
     far = (survey.grid.height - 1, survey.grid.width - 1)

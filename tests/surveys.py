@@ -13,7 +13,7 @@ from terratool.raster.grid import Grid
 from terratool.traversability.limits import wheel_layout
 from terratool.traversability.map_results import Survey
 from terratool.traversability.parameters import vehicle_params
-from terratool.traversability.route.graph import ALLOWED, BACKING, Costs
+from terratool.traversability.route.graph import ALLOWED, BACKING, Costs, Turns
 from terratool.traversability.survey import Stance, Verdicts
 from terratool.traversability.vehicle import Axle, Overhang, Vehicle, Wheel
 from terratool.traversability.verdicts import Reason, Verdict
@@ -104,7 +104,7 @@ def level_costs(height: int, width: int, headings: int = 8) -> Costs:
     shape = (headings, height, width)
     return Costs.of(
         np.ones(shape, np.float32), np.full(shape, ALLOWED | BACKING, np.uint8),
-        np.zeros(shape[1:], np.float32), 1.0, 0.1, 1.0,
+        np.zeros(shape[1:], np.float32), 1.0, Turns(0.1), 1.0,
     )  # fmt: skip
 
 

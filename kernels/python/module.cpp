@@ -15,5 +15,7 @@ NB_MODULE(_kernels, m) {
     bind_importing(m.def_submodule("importing"));
     bind_mesh(m.def_submodule("mesh"));
     bind_raster(m.def_submodule("raster"));
-    bind_traversability(m.def_submodule("traversability"));
+    nb::module_ traversability = m.def_submodule("traversability");
+    bind_traversability(traversability);
+    bind_routing(traversability);
 }

@@ -174,8 +174,8 @@ struct Arc {
     double area, arm;
 
     Arc(double half, const Wheel& wheel) {
-        double quarter =
-            sin(0.5 * half);  // (1 − cos w)/w, and w²/(2 (1 − cos w)), for small w, too
+        // (1 − cos w)/w, and w²/(2 (1 − cos w)), for small w, too
+        double quarter = sin(0.5 * half);
         area = half > 0.0 ? 4.0 * wheel.radius * wheel.width * square(quarter) / half : 0.0;
         arm = half > 0.0 ? wheel.radius * square(0.5 * half / quarter) : wheel.radius;
     }
@@ -397,6 +397,20 @@ template <class One> auto each(std::size_t count, One one) {
     out.reserve(count);
     for (std::size_t n = 0; n < count; ++n) out.push_back(one(n));
     return out;
+}
+
+// Nc of soils.
+inline std::vector<double> bearing_factors(In tan_friction) {
+    return each(tan_friction.size(), [&](std::size_t n) {
+        return bearing_factor(tan_friction[n]);
+    });
+}
+
+// Shares of the strength that displacements x = s L/K mobilise along tracks.
+inline std::vector<double> mean_shares(In displacement) {
+    return each(displacement.size(), [&](std::size_t n) {
+        return mean_mobilised(displacement[n]);
+    });
 }
 
 // Sinkage, θ1, Q and l.

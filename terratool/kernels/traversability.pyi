@@ -51,11 +51,6 @@ class VehicleOnSamples:
 
     def __init__(self, vehicle: object, soils: object) -> None: ...
 
-class Search:
-    """A search for the cheapest way to a cell."""
-
-    def __init__(self, costs: object, starts: object, row: int, column: int) -> None: ...
-
 SPECS: dict[str, list[dict[str, Any]]]
 
 def contacts(
@@ -65,6 +60,20 @@ def contacts(
     Sinkage, entry angle, effective area and shear length.
 
     Shapes: load[n], sinkage[n], slip[n].
+    """
+
+def bearing_factors(tan_friction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Bearing capacity factors of cohesion.
+
+    Shapes: tan_friction[n].
+    """
+
+def mean_shares(displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Shares of strength mobilised along tracks.
+
+    Shapes: displacement[n].
     """
 
 def tractions(
@@ -401,6 +410,11 @@ def raise_steps(
 
     Shapes: supports[h,w], pairs[n], jumps[n], out[h,w].
     """
+
+class Search:
+    """A search for the cheapest way to a cell."""
+
+    def __init__(self, costs: object, starts: object, row: int, column: int) -> None: ...
 
 ALONG: int = 0
 

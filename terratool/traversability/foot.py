@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from terratool.kernels import traversability as kernels
+
 _COHESIVE, _WEIGHING = 1.3, 0.6
 """Terzaghi's shape factors of a circle for cohesion and weight, 1943."""
 
@@ -28,11 +30,10 @@ def bearing_factors(friction: Any) -> BearingFactors:
     A. S. Vesic, *Analysis of ultimate loads of shallow foundations*, Journal of the Soil Mechanics
     and Foundations Division 99, 1973; Nc is Prandtl's 2 + π where φ is 0.
     """
-    tangent = np.tan(friction)
-    surcharge = np.exp(np.pi * tangent) * np.tan(np.pi / 4 + np.asarray(friction) / 2) ** 2
-    small = np.abs(tangent) < 1e-6
-    cohesion = np.where(small, 2.0 + np.pi, (surcharge - 1.0) / np.where(small, 1.0, tangent))
-    return BearingFactors(cohesion[()], surcharge, 2.0 * (surcharge + 1.0) * tangent)
+    tangent = np.asarray(np.tan(friction), np.float64)
+    cohesion = kernels.bearing_factors(tangent.ravel()).reshape(tangent.shape)
+    surcharge = 1.0 + cohesion * tangent
+    return BearingFactors(cohesion[()], surcharge[()], 2.0 * (surcharge + 1.0) * tangent)
 
 
 def disc_area(diameter: Any) -> Any:

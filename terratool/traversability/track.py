@@ -60,10 +60,9 @@ def mobilised_mean(length: Any, modulus: Any, slip: Any) -> Any:
     The law of Janosi and Hanamoto, 1961, whose shear s x grows along the track from its front, as a
     mean over its length (Wong). 0 at no slip, and 1 where K is 0, not known.
     """
-    x = np.asarray(slip, np.float64) * length / np.where(np.asarray(modulus) > 0.0, modulus, 1.0)
-    small = x < 1e-4
-    share = np.where(small, x * (0.5 - x / 6.0), 1.0 + np.expm1(-x) / np.where(small, 1.0, x))
-    return np.where(np.asarray(modulus) > 0.0, share, 1.0)[()]
+    known = np.asarray(modulus) > 0.0
+    x = np.asarray(np.asarray(slip, np.float64) * length / np.where(known, modulus, 1.0))
+    return np.where(known, kernels.mean_shares(x.ravel()).reshape(x.shape), 1.0)[()]
 
 
 def thrust(load: Any, area: float, cohesion: Any, tan_friction: Any, share: Any) -> Any:

@@ -26,6 +26,7 @@ from terratool.traversability.route.graph import (
     BACKING,
     BETWEEN,
     Costs,
+    Turns,
     cheapest_way,
     drivable,
     heading_offsets,
@@ -176,8 +177,8 @@ def test_lengths_on_open_ground_are_near_the_shortest(
         flags[np.setdiff1d(np.arange(headings), lane), middle, middle] = 0
         costs = replace(
             Costs.of(
-                np.ones(shape, np.float32), flags, np.zeros(shape[1:], np.float32), 1.0, 0.3, 1.0,
-                radius=radius,
+                np.ones(shape, np.float32), flags, np.zeros(shape[1:], np.float32), 1.0,
+                Turns(0.3, radius), 1.0,
             ),
             backward=1.0, shift=0.0,
         )  # fmt: skip

@@ -25,6 +25,7 @@ from terratool.traversability.route.graph import (
     BACKWARD,
     SHIFT,
     Costs,
+    Turns,
     arc_of,
     cells_between,
     cheapest_way,
@@ -166,7 +167,7 @@ def test_search_and_floods_follow_the_rules(
     if not starts:
         return
     flags = np.where(can, ALLOWED | BACKING, 0).astype(np.uint8)
-    costs = Costs.of(rate, flags, heights, 0.5, 0.3, float(rate.min()), radius=radius * 0.5)
+    costs = Costs.of(rate, flags, heights, 0.5, Turns(0.3, radius * 0.5), float(rate.min()))
     known = networkx.multi_source_dijkstra_path_length(
         graph, {(gear, *state) for state in starts for gear in (0, 1)}
     )
@@ -219,7 +220,7 @@ def test_lengths_on_open_ground_are_near_the_shortest(
     towards = [math.atan2(column, -row) for row, column in offsets]
     flags = np.full(shape, ALLOWED | BACKING, np.uint8)
     costs = replace(
-        Costs.of(rate, flags, heights, 1.0, 0.3, 1.0, radius=radius), backward=1.0, shift=0.0
+        Costs.of(rate, flags, heights, 1.0, Turns(0.3, radius), 1.0), backward=1.0, shift=0.0
     )
     for _ in range(30):
         begin = int(rng.integers(0, headings))

@@ -19,6 +19,7 @@ from terratool.traversability.route.graph import (
     BACKING,
     BACKWARD,
     Costs,
+    Turns,
     cells_between,
     cheapest_way,
     heading_offsets,
@@ -106,7 +107,7 @@ def drawn_case(
 def costs_of(rate: Any, can: Any, heights: Any, tile: int = 0) -> Costs:
     flags = np.where(can, ALLOWED | BACKING, 0).astype(np.uint8)
     least = float(rate.min()) if rate.size else 1.0
-    return Costs.of(rate, flags, heights, RESOLUTION, ARC, least, tile)
+    return Costs.of(rate, flags, heights, RESOLUTION, Turns(ARC), least, tile)
 
 
 def states_at(can: Any, cell: tuple[int, int]) -> np.ndarray[Any, Any]:
@@ -169,7 +170,7 @@ def test_tiles_that_are_asked_for_are_enough(
     side = int(rng.integers(1, 4))
     blank = costs_of(np.full_like(rate, 99.0), np.zeros_like(can), heights, side)
     least = float(rate.min())
-    lazy = Costs.of(blank.rate, blank.flags, heights, RESOLUTION, ARC, least, side)
+    lazy = Costs.of(blank.rate, blank.flags, heights, RESOLUTION, Turns(ARC), least, side)
     asked: list[int] = []
 
     def ask(tile: int) -> None:

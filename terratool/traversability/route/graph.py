@@ -390,6 +390,18 @@ def state_flags(
     return np.where(can, bits, 0).astype(np.uint8)
 
 
+class Turns(NamedTuple):
+    """How a vehicle turns, as searches pay for it.
+
+    Attributes:
+        run: metres at the rate of the cell that turning on the spot by one heading costs.
+        radius: turning radius of a vehicle that turns by arcs, m; 0 for none.
+    """
+
+    run: float
+    radius: float = 0.0
+
+
 @dataclass(frozen=True, slots=True)
 class Costs:
     """Costs of moves, for the kernels.
@@ -431,20 +443,17 @@ class Costs:
     @classmethod
     def of(
         cls, rate: NDArray[np.float32], flags: NDArray[np.uint8], heights: NDArray[np.float32],
-        resolution: float, arc: float, least: float, tile: int = 0, radius: float = 0.0,
+        resolution: float, turns: Turns, least: float, tile: int = 0,
     ) -> Costs:  # fmt: skip
-        """Costs with a turn by one heading as dear as driving `arc`, m, at the cell.
-
-        All cells are known where `tile` is 0. Vehicles with a turning `radius`, m, turn by arcs.
-        """
+        """Costs of a vehicle that turns so; all cells are known where `tile` is 0."""
         headings, height, width = rate.shape
         side = tile or max(height, width)
         known = np.full((-(-height // side), -(-width // side)), not tile)
         turn = np.zeros((height, width), np.float32)
-        runs = np.full_like(turn, max(arc, _STAND * resolution))
+        runs = np.full_like(turn, max(turns.run, _STAND * resolution))
         return cls(
-            moves_of(headings, radius / resolution), rate, flags, heights, known, side, turn, runs,
-            resolution, BACKWARD, SHIFT * radius, least,
+            moves_of(headings, turns.radius / resolution), rate, flags, heights, known, side, turn,
+            runs, resolution, BACKWARD, SHIFT * turns.radius, least,
         )  # fmt: skip
 
 

@@ -39,6 +39,7 @@ from terratool.traversability.route.graph import (
     Costs,
     Preference,
     SearchResult,
+    Turns,
     cheapest_way,
     check_preference,
     drivable,
@@ -469,8 +470,8 @@ def _costs(on: RouteSite, prefer: Preference) -> tuple[Costs, Callable[[Any], No
     prices = turn_prices(on.turns, survey, vehicle, prefer)
     costs = Costs.of(
         np.zeros(survey.verdict.shape, np.float32), np.zeros(survey.verdict.shape, np.uint8),
-        survey.heights, survey.grid.resolution, 0.0, least_rate(vehicle, prefer), on.tiles.side,
-        vehicle.turning_radius,
+        survey.heights, survey.grid.resolution, Turns(0.0, vehicle.turning_radius),
+        least_rate(vehicle, prefer), on.tiles.side,
     )  # fmt: skip
 
     def fill(part: Any) -> None:
@@ -541,7 +542,7 @@ def _least_resistance(on: RouteSite, begin: Cell, end: Cell, bends: bool = True)
     own, radius = turning_arc(survey, on.vehicle), on.vehicle.turning_radius if bends else 0.0
     costs = Costs.of(
         np.zeros(survey.verdict.shape, np.float32), np.zeros(survey.verdict.shape, np.uint8),
-        np.zeros(inside.shape, np.float32), grid.resolution, own, 1.0, on.tiles.side, radius,
+        np.zeros(inside.shape, np.float32), grid.resolution, Turns(own, radius), 1.0, on.tiles.side,
     )  # fmt: skip
 
     def fill(part: Any) -> None:
