@@ -30,7 +30,6 @@ _HIGHEST, _STEEPEST, _MOST_BENT = 65.0, 130.0, 364.0
 kernels/field/roughness.hpp."""
 _RMS_SLOPE, _RMS_BEND = 1.3663, 3.1553
 """Standard deviations of slopes and of second derivatives along an axis, per rms and in cells."""
-_WORD = 1 << 64
 
 
 class ReliefBounds(NamedTuple):
@@ -51,12 +50,12 @@ class ReliefBounds(NamedTuple):
     finest: float = np.inf
 
 
-def mix64(key: int) -> int:
-    """Mix the bits of a key by the steps of SplitMix64, as `hash64` of the kernels; 64 bits."""
-    key = key * 0x9E3779B97F4A7C15 % _WORD
-    key = (key ^ key >> 30) * 0xBF58476D1CE4E5B9 % _WORD
-    key = (key ^ key >> 27) * 0x94D049BB133111EB % _WORD
-    return key ^ key >> 31
+def mix64(keys: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Mix the bits of keys, (n,) or another shape, by SplitMix64, as `hash64` of the kernels."""
+    keys = keys * np.uint64(0x9E3779B97F4A7C15)
+    keys = (keys ^ keys >> np.uint64(30)) * np.uint64(0xBF58476D1CE4E5B9)
+    keys = (keys ^ keys >> np.uint64(27)) * np.uint64(0x94D049BB133111EB)
+    return keys ^ keys >> np.uint64(31)
 
 
 def relief_of(roughness: Roughness) -> NDArray[Any]:
@@ -67,7 +66,7 @@ def relief_of(roughness: Roughness) -> NDArray[Any]:
     seed = 0 if roughness.seed is UNSET else roughness.seed
     relief["per"] = CELLS_PER_CORRELATION / roughness.correlation
     relief["scale"] = SCALE_PER_RMS * roughness.rms
-    relief["key"] = np.uint64(mix64(seed + 1))
+    relief["key"] = mix64(np.array([seed + 1], np.uint64))
     return relief
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import RequestError
-from terratool.field.relief import FALLEN
+from terratool.field.relief import FALLEN, mix64
 from terratool.raster.grid import Grid, Window
 from terratool.traversability.footprint import HeadingFootprint
 from terratool.traversability.vehicle import Vehicle
@@ -139,14 +139,5 @@ def block_shifts(
         np.floor(np.asarray(axis) / side).astype(np.int64).astype(np.uint64)
         for axis in (grid.rows(window), grid.columns(window))
     )
-    rows, columns = (_mixed(block + np.uint64(seed % 2**63)) for block in blocks)
-    return (_mixed(rows[:, None] * np.uint64(3) + columns) % np.uint64(samples)).astype(np.int64)
-
-
-def _mixed(keys: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Keys with their bits mixed by the steps of SplitMix64, as `relief.mix64`."""
-    with np.errstate(over="ignore"):
-        keys = keys * np.uint64(0x9E3779B97F4A7C15)
-        keys = (keys ^ keys >> np.uint64(30)) * np.uint64(0xBF58476D1CE4E5B9)
-        keys = (keys ^ keys >> np.uint64(27)) * np.uint64(0x94D049BB133111EB)
-    return keys ^ keys >> np.uint64(31)
+    rows, columns = (mix64(block + np.uint64(seed % 2**63)) for block in blocks)
+    return (mix64(rows[:, None] * np.uint64(3) + columns) % np.uint64(samples)).astype(np.int64)

@@ -7,10 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from terratool.definition.keys import default_of
-from terratool.definition.vehicle import (
-    STEERINGS,
-    ClassesText,
-)
+from terratool.definition.vehicle import STEERINGS, ClassesText
 from terratool.errors import RequestError
 from terratool.kernels import traversability as kernels
 from terratool.report.wording import count_of

@@ -111,8 +111,8 @@ def _shared(route: Route, grid: Grid, beside: NDArray[np.bool_]) -> float:
 
 def _is_near(route: Route, best: Route, prefer: Preference) -> bool:
     """Whether a route takes at most `STRETCH` times what the best does of what is preferred."""
-    names = {"length": "length", "energy": "energy"}
-    own, least = (getattr(one, names.get(prefer, "time")) for one in (route, best))
+    name = prefer if prefer in ("length", "energy") else "time"
+    own, least = (getattr(one, name) for one in (route, best))
     return own is not None and least is not None and own <= STRETCH * least
 
 

@@ -86,6 +86,7 @@ def with_way(route: Route, path: Path, on: RouteSite, one_way: bool) -> Route:
 
 
 def _without_reason(extreme: Extreme | None) -> Extreme | None:
+    """An extreme of what has no limit, and so no measure that binds."""
     return extreme and replace(extreme, reason=Reason.NONE)
 
 
