@@ -495,7 +495,16 @@ def drift_curve(vehicle: Vehicle, soil: Soil, across: float | None) -> DriftCurv
 
 
 def on_the_safe_side(vehicle: Vehicle) -> Vehicle:
-    """Return a copy of a vehicle that keeps the error band of climbs on soft soil in reserve."""
+    """Return a copy of a vehicle that keeps the error band of climbs on soft soil in reserve.
+
+    Raises:
+        RequestError: the vehicle is computed with the model `paper`, which has no error band.
+    """
+    if not vehicle.wheel.slips:
+        raise RequestError(
+            f"The model {vehicle.model} has no error band that could be kept in reserve.",
+            "Leave out --margin, or take --model slip.",
+        )
     return replace(vehicle, margins=replace(vehicle.margins, soil=wheels.ERROR_BAND))
 
 

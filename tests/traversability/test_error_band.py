@@ -172,3 +172,5 @@ def test_the_option(tmp_path: Path) -> None:
     assert (plain["vehicle"]["margins"]["soil_deg"], kept["vehicle"]["margins"]["soil_deg"]) == (
         0.0, pytest.approx(5.0),
     )  # fmt: skip
+    paper = call(*words, "--margin", "--model", "paper")
+    assert paper.code == 2 and "The model paper has no error band" in paper.err
