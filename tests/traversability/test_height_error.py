@@ -93,6 +93,9 @@ def test_slopes_have_the_deviation_of_independent_wheels() -> None:
         along, across = found[heading, :, 0].std(), found[heading, :, 1].std()
         assert along == pytest.approx(0.05 / 0.8, rel=0.02)
         assert across == pytest.approx(0.05 / 0.5, rel=0.25)  # wheels stand on whole pixels
+    for heading in (1, 3, 5, 7):  # oblique: a slope ahead says nothing of one across
+        along, across = found[heading, :, :2].T
+        assert abs(np.corrcoef(along, across)[0, 1]) < 0.3
     # one and the same ground: what is up to the north is down to the south, left is right
     assert found[4, :, :2] == pytest.approx(-found[0, :, :2], abs=1e-9)
     assert np.abs(found.mean(axis=1)).max() < 1e-3

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +29,13 @@ from terratool.traversability.request import Request
 from terratool.traversability.results import TraversabilityReport
 from terratool.traversability.route.zones import read_keep_out
 from terratool.traversability.survey import Surveyor
-from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.vehicle import Overhang, Vehicle
 from terratool.traversability.verdicts import GroundClass, Reason, Verdict
 from tests.budget import examples
 from tests.surveys import ROVER, level
 
+LONG = replace(ROVER, front=Overhang(0.9, 0.2))
+"""Much longer ahead of its middle than behind it, and than wide."""
 SQUARE = [[4, 3], [7, 3], [7, 5], [4, 5], [4, 3]]
 HOLE = [[5, 3.5], [6, 3.5], [6, 4.5], [5, 4.5], [5, 3.5]]
 
@@ -149,24 +152,27 @@ def rectangle(vehicle: Vehicle, x: float, y: float, degrees: float) -> shapely.P
 def test_a_free_state_holds_nothing_of_a_zone_and_a_barred_one_is_near_it(
     seed: int, headings: int
 ) -> None:
-    """At each heading, and at directions up to half a step beside it; the front is longer."""
+    """At each heading, and at directions up to half a step beside it.
+
+    The front is much longer, so that mirrored directions are seen.
+    """
     rng = np.random.default_rng(seed)
     grid = grid_over(level(9, 6), 0.3)
     points = rng.uniform((1, 1), (8, 5), (5, 2))
     zone = shapely.MultiPoint(points).convex_hull
     zone = zone.difference(zone.centroid.buffer(0.4))
-    kept = KeptOut((Zone("a", zone),), ROVER, grid, headings)
+    kept = KeptOut((Zone("a", zone),), LONG, grid, headings)
     x, y = grid.columns(grid.whole), grid.rows(grid.whole)
     for heading in range(headings):
         barred = kept(grid.whole, heading)
         assert barred is not None and barred.any() and not barred.all()
         for row, column in rng.integers(0, barred.shape, (40, 2)).tolist():
             aside = float(rng.uniform(-180.0, 180.0)) / headings
-            own = rectangle(ROVER, x[column], y[row], 360.0 * heading / headings + aside)
+            own = rectangle(LONG, x[column], y[row], 360.0 * heading / headings + aside)
             if not barred[row, column]:
                 assert not own.intersects(zone)
             else:  # as far as the corners swing, and between pixels
-                reach = 0.3 + 2.0 * math.hypot(*ROVER.rectangle[::2]) * math.sin(
+                reach = 0.3 + 2.0 * math.hypot(*LONG.rectangle[::2]) * math.sin(
                     1.5 * math.pi / headings
                 )
                 assert own.distance(zone) < reach
@@ -240,7 +246,7 @@ def test_reports_show_them() -> None:
     assert zone["properties"]["name"] == POND.name
     assert shapely.geometry.shape(zone["geometry"]).equals(POND.shape)
     page = as_page(report)
-    assert page.count('class="zone"') and "Dotted outlines: keep-out" in page
+    assert page.count('class="zone"') and "White dashed outlines: keep-out" in page
     assert any("keeps out of" in note for note in report.notes)
     assert 'class="zone"' not in as_page(asked((), mapped=True))
 
