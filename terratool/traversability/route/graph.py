@@ -391,7 +391,7 @@ def state_flags(
 
 
 class Turns(NamedTuple):
-    """How a vehicle turns, as searches pay for it.
+    """The cost of turning in a search of routes, on the spot or by arcs.
 
     Attributes:
         run: metres at the rate of the cell that turning on the spot by one heading costs.
