@@ -31,6 +31,8 @@ from terratool.definition.keys import (
 )
 from terratool.definition.model import (
     LARGEST,
+    Bore,
+    Deck,
     Definition,
     Element,
     GridFile,
@@ -69,6 +71,7 @@ _SUBJECTS: dict[type, str] = {
     Definition: "a terrain", Library: "a library", Repeat: "a repeat", Scatter: "a scatter",
     Surface: "a surface", Roughness: "a roughness", Primitive: "a primitive",
     GridFile: "a grid file", SurfaceGrid: "a surface grid", Element: "an element", Track: "a track",
+    Deck: "a deck", Bore: "a bore",
     VehicleText: "a vehicle", WheelsText: "the wheels", AxleText: "an axle",
     TracksText: "the tracks", FeetText: "the feet",
     CogText: "the centre of gravity", OverhangText: "the overhang",
