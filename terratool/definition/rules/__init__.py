@@ -29,6 +29,7 @@ from terratool.definition.rules import (  # noqa: F401, importing them registers
     sensors,
     shapes,
     steps,
+    storeys,
     surfaces,
     tracks,
     trimming,

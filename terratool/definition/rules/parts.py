@@ -103,10 +103,10 @@ def part_circle(subject: Subject) -> Iterator[Remark]:
 
 @rule("TT709", "beside-part")
 def beside_part(subject: Subject) -> Iterator[Remark]:
-    """An element with a part has a type, a surfaceGrid, cells or children as well.
+    """An element with a part has a type, a surfaceGrid, a deck, cells or children as well.
 
     The part says what stands there, and what stands on it. Beside it may be the keys of its place,
-    descr, surface, vScale, vOffset and turnDeg.
+    descr, surface, vScale, vOffset and turnDeg. The root of the part may be a deck or a bore.
 
     Fails:
 
@@ -135,8 +135,8 @@ def beside_part(subject: Subject) -> Iterator[Remark]:
         if part is UNSET:
             continue
         for key, name in (
-            ("type", "type"), ("surfaceGrid", "surface_grid"), ("cells", "cells"),
-            ("children", "children"),
+            ("type", "type"), ("surfaceGrid", "surface_grid"), ("deck", "deck"), ("bore", "bore"),
+            ("cells", "cells"), ("children", "children"),
         ):  # fmt: skip
             if tree.value(name, index) is not UNSET:
                 message = f'the element has "{key}" beside "part".'
