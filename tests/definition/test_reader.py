@@ -96,8 +96,8 @@ def test_both_ways_make_one_model(definition: Json, layout: dict[str, Any]) -> N
 WRONG = [
     None, True, 0, -1, 3, 3.0, 0.5, 1e300, 70_000, 10**30, 10**400, "", "t", "1/t", "b\n", [], [1],
     [1, 2], [1, 2, 3], [1.0, 2.0], [[0, 1], [1, 0]], [[0.5, 1]], ["t"], [None], {}, {"type": "p0"},
-    {"x": [1]}, "p0", {"thickness": 1}, {"thickness": 0.0}, {"thickness": 1e31}, {"thickness": True},
-    {"thickness": 10**400}, {"under": "p0", "vScale": 2}, {"under": 3}, {"roof": "p0", "datum": True},
+    {"x": [1]}, "p0", {"thickness": 1}, {"thickness": 0.0}, {"thickness": 1e31}, {"thickness": "1"},
+    {"thickness": 10**400}, {"under": "p0", "vScale": 2}, {"under": 3}, {"roof": "p0"},
     {"height": 2, "datum": 0}, {"height": 1e-31}, {"vOffset": 1e31}, {"span": 1}, {"x-why": 1},
     [[0, 1, 2], [1, 0, 2]], [[0, 1, 2], [1, 0]], [[0, 1, 2, 3], [0, 1, 2, 3]], [0, 1, 1e31],
 ]  # fmt: skip

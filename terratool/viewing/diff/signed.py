@@ -132,12 +132,12 @@ def storey_key(storey: Any, primitives: Mapping[str, str]) -> Hashable:
         storey: value of `deck` or `bore`.
         primitives: new names of renamed primitives, by their old names.
     """
-    if storey is UNSET:
-        return UNSET
-    face = primitives.get(storey.face, storey.face)
-    scale = 1.0 if storey.v_scale is UNSET else storey.v_scale
-    offset = 0.0 if storey.v_offset is UNSET else storey.v_offset
-    key: Hashable = storey.gap, face, scale, offset, storey.datum is True
+    key: Hashable = UNSET
+    if storey is not UNSET:
+        face = primitives.get(storey.face, storey.face)
+        scale = 1.0 if storey.v_scale is UNSET else storey.v_scale
+        offset = 0.0 if storey.v_offset is UNSET else storey.v_offset
+        key = storey.gap, face, scale, offset, storey.datum is True
     return key
 
 
