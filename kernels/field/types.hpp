@@ -112,7 +112,7 @@ struct Grid {
 };
 
 struct Segment {
-    double x, y, end_x, end_y, dx, dy, square, reach, reach_square;
+    double x, y, end_x, end_y, dx, dy, square, reach, reach_square, z, end_z;
     u32 track;
 };
 
