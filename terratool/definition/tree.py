@@ -184,6 +184,12 @@ class Tree(Struct, frozen=True, dict=True):
         own = {self.value("surface", index)}
         return not with_classes(own, (self.value("surface_grid", index),)).isdisjoint(surfaces)
 
+    @property
+    def shapes(self) -> set[Any]:
+        """Names of the primitives of elements, and of the other faces of decks and bores."""
+        storeys = self.distinct("deck") | self.distinct("bore")
+        return self.distinct("type").union(one.face for one in storeys if one is not UNSET)
+
     def count_lacking(self, name: str) -> int:
         """Number of elements without an attribute."""
         key = f"lacking {name}"

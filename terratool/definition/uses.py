@@ -280,6 +280,9 @@ class Uses(Struct, frozen=True, dict=True):
         for root in (self.root, *map(self.part, self.parts_in_use)):
             for names, key in (surfaces, "surface"), (primitives, "type"):
                 names |= dict.fromkeys(map(root.tree.column(key).__getitem__, elements_of(root)))
+            if root.tree.has_storeys:
+                storeys = filter(None, map(root.tree.storey, elements_of(root)))
+                primitives |= dict.fromkeys(storey.face for storey in storeys)
             if root.tree.distinct("surface_grid") != {UNSET}:
                 classes = map(root.tree.column("surface_grid").__getitem__, elements_of(root))
                 for grid in dict.fromkeys(classes):
