@@ -90,9 +90,8 @@ struct RutOfAll {
 
 // As rut_at, in a cell of the index, of the segments that are chosen.
 template <class Chosen>
-INLINE Rut chosen_rut_in(
-    const Tracks& tracks, i64 cell, double x, double y, i64 ground, Chosen chosen
-) {
+INLINE Rut
+chosen_rut_in(const Tracks& tracks, i64 cell, double x, double y, i64 ground, Chosen chosen) {
     i64 last = -1;
     RutOfAll all{tracks};
     for (u32 k = tracks.offsets[cell]; k < tracks.offsets[cell + 1]; ++k) {

@@ -149,6 +149,19 @@ class Written(NamedTuple):
         """Different values of a column of codes."""
         return set(self.values_of(np.unique(column)))
 
+    def only(self, kept: NDArray[np.bool_]) -> Written:
+        """Return some of the elements, with all that they are in; `kept` is their mask, (n,)."""
+        place = np.cumsum(kept) - 1
+        parent = self.parent[kept]
+        starts = np.concatenate([[0], place + 1])[self.levels]
+        return Written(
+            Rows._make(column[kept] for column in self.rows),
+            np.where(parent < 0, -1, place[parent]),
+            self.cells[kept],
+            np.unique(starts).tolist(),
+            self.names,
+        )
+
     def storeys(self) -> dict[int, Storey]:
         """Decks and bores by their index, with the heights that they have there."""
         own = np.flatnonzero(self.rows.storey)
