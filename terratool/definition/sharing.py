@@ -230,7 +230,6 @@ class _Drafter:
 
     def draw(self, surfaces: set[Any], primitives: set[Any]) -> Blueprint:
         chain = self.chains.of(self.uses.root)
-        tree, element = chain.root.tree, chain.root.element
         whole = _Cell(sides(with_names(self.uses).extent), ONE)
         whole = whole.turn_by(chain.quarters)
         first = self._key(chain.root, chain.quarters, chain.surface, whole)
