@@ -197,6 +197,12 @@ class Uses(Struct, frozen=True, dict=True):
         tree = self.document.decoded.tree
         return any(tree.distinct(key) != {UNSET} for key in ("part", "repeat", "scatter"))
 
+    @cached_property
+    def has_storeys(self) -> bool:
+        """Whether any element of the terrain is a deck or a bore, directly or in a part."""
+        roots = (self.root, *map(self.part, self.parts_in_use)) if self.has_root else ()
+        return any(root.tree.has_storeys for root in roots)
+
     @property
     def has_root(self) -> bool:
         """Whether the file is a terrain with a root, rather than a library."""
