@@ -156,7 +156,7 @@ def crossed_faces(subject: Subject) -> Iterator[Remark]:
     shares: dict[tuple[str, str, Pair, Pair, bool], float] = {}
     for index, key, storey in storeys_of(subject.tree):
         own, numbers = heights.shape(index), heights.numbers(index)
-        face = storey.face
+        face = storey.face if storey.gap is UNSET else UNSET
         if own is None or numbers is None or face is UNSET or face not in subject.summaries:
             continue
         is_deck = isinstance(storey, Deck)

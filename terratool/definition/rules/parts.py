@@ -266,7 +266,7 @@ def beyond_limits(subject: Subject) -> Iterator[Remark]:
                 "/part",
                 f"with the factors of heights here, a deck or a bore in the part {quote(use.part)} "
                 f"would be {bounds.thinnest:.4g} thick.",
-                "Give a vScale above 0, here and in the part.",
+                "Write a larger vScale, here or in the part.",
                 element=use.element,
             )
         if not bounds.largest <= LARGEST:  # true for NaN, too
