@@ -189,7 +189,7 @@ def agree(definition: Any) -> None:
         assert not valid, checked.findings
 
 
-@given(definitions(rutted=True))
+@given(definitions(rutted=True, storeyed=True))
 def test_accepts_what_the_reader_accepts(definition: Json) -> None:
     """A valid definition of any kind is valid by the schema."""
     assert read(definition).definition is not None
@@ -224,7 +224,7 @@ def containers(value: Any, key: str = "") -> Iterator[Any]:
             yield from containers(item, name)
 
 
-@given(definitions(rutted=True) | st.just(GOOD).map(copy.deepcopy), st.data())
+@given(definitions(rutted=True, storeyed=True) | st.just(GOOD).map(copy.deepcopy), st.data())
 def test_agrees_with_the_reader_on_mutations(definition: Json, data: st.DataObject) -> None:
     """With keys dropped, added or of another value, the schema and the reader have one verdict."""
     for _ in range(data.draw(st.integers(1, 3))):
