@@ -186,7 +186,7 @@ class Tree(Struct, frozen=True, dict=True):
 
     @property
     def shapes(self) -> set[Any]:
-        """Names of the primitives of elements, and of the other faces of decks and bores."""
+        """Names of primitives of elements, and of other faces of storeys; `UNSET` for none."""
         storeys = self.distinct("deck") | self.distinct("bore")
         return self.distinct("type").union(one.face for one in storeys if one is not UNSET)
 
