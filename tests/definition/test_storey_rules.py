@@ -260,7 +260,7 @@ def test_what_a_cell_cuts_off_a_deck_is_missing_however_high_it_is_there() -> No
     text["parts"] = {"p": {"type": "box", "vScale": 1, "children": [knoll]}}
     assert told(text) == []
     knoll["deck"] = SLAB
-    assert told(text) == [("TT213", "/parts/p/children/0/turnDeg")]
+    assert told(text) == [("TT213", "/parts/p/children/0")]
 
 
 def test_a_datum_deck_makes_no_step_at_its_edge() -> None:

@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 
 from msgspec import UNSET, Struct, field
 
-from terratool.definition.model import STOREYS, names_of, pair_of
+from terratool.definition.keys import SLOTS
+from terratool.definition.model import STOREYS, pair_of
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Root
 from terratool.viewing.diff.matching import MANY_PAIRS, Matching, Sibling, common
@@ -459,7 +460,7 @@ def _storey_text(storey: Any) -> str:
     """Keys of a deck or a bore and their values; `UNSET` is none."""
     if storey is UNSET:
         return "none"
-    given = [(key, getattr(storey, name)) for name, key in names_of(type(storey))]
+    given = [(key, getattr(storey, slot.name)) for key, slot in SLOTS[type(storey)].items()]
     words = [
         key if value is True else f"{key} {value if isinstance(value, str) else _number(value)}"
         for key, value in given
