@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left, insort
 from collections.abc import Iterator
 from functools import cached_property
+from heapq import heappop, heappush
 from itertools import pairwise, product
 from typing import Any, NamedTuple
 
@@ -25,7 +27,7 @@ _SAMPLES = 32
 """Points along each side of a footprint at which both faces are compared."""
 _MOST = 1000
 """Most pairs of faces that are compared, and most copies of a deck that are looked at."""
-_MOST_PAIRS = 200_000
+_MOST_PAIRS = 1_000_000
 """Most pairs of decks, or of decks and segments of tracks, that are compared."""
 _CLOSE = 1e-9
 
@@ -265,7 +267,8 @@ def overlapping_decks(subject: Subject) -> Iterator[Remark]:
     Where they do they are one body, of which the higher top and the lower underside count. Decks
     above one another in one cell are no fault. What is told is sure: compared are rectangles in
     cells, or at free places, without turns but by quarters, between the highest place of the
-    underside and the lowest of the top. Scattered decks are not looked at.
+    underside and the lowest of the top. Scattered decks are not looked at, nor are more than a
+    million pairs in one parent.
 
     Fails:
 
@@ -359,19 +362,26 @@ def _moves(repeat: Any) -> Iterator[Pair]:
 def _overlapping(slabs: list[_Slab]) -> dict[int, int]:
     """Decks that overlap an earlier one, each with one of these."""
     found: dict[int, int] = {}
-    ahead: list[_Slab] = []
+    line: list[tuple[float, int]] = []  # south edge and number of those that a line meets, in order
+    ends: list[tuple[float, int]] = []  # where they end, and their numbers
+    tallest = max((slab.box[3] - slab.box[1] for slab in slabs), default=0.0)
     pairs = 0
-    for slab in sorted(slabs):
-        wide = slab.box[2] - slab.box[0]
-        ahead = [one for one in ahead if one.box[2] > slab.box[0] + _CLOSE * wide]
-        pairs += len(ahead)
+    slabs = sorted(slabs)
+    for number, slab in enumerate(slabs):
+        west, south, east, north = slab.box
+        while ends and ends[0][0] <= west + _CLOSE * (east - west):
+            over = heappop(ends)[1]
+            del line[bisect_left(line, (slabs[over].box[1], over))]
+        near = line[bisect_left(line, (south - tallest, -1)) : bisect_left(line, (north, -1))]
+        pairs += len(near)
         if pairs > _MOST_PAIRS:
             break
-        for other in ahead:
+        for other in (slabs[one] for _, one in near):
             earlier, later = sorted((slab.element, other.element))
             if earlier < later and slab.base == other.base and _share_room(slab, other):
                 found[later] = min(found.get(later, earlier), earlier)
-        ahead.append(slab)
+        insort(line, (south, number))
+        heappush(ends, (east, number))
     return found
 
 
@@ -390,7 +400,8 @@ def track_below_deck(subject: Subject) -> Iterator[Remark]:
     Such a track lies on the ground, below whatever stands over it. A wheel that was on the deck has
     points [x, y, z], with about the height of its top. Compared are the middle line of the track
     and the rectangles of decks outside of parts, or of parts that are decks, where no copies are
-    scattered; whether the deck is clear of the ground is not looked at.
+    scattered, a million pairs of segments and decks at most; whether the deck is clear of the
+    ground is not looked at.
 
     Fails:
 
