@@ -1,4 +1,4 @@
-"""Columns of decks and bores against two slow readings of the format that share no code with them."""
+"""Columns of decks and bores against two slow readings of the format that share no code."""
 
 from __future__ import annotations
 
