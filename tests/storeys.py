@@ -105,12 +105,15 @@ class Storeys:
 
     def slack(self, x: float, y: float) -> float:
         """How far the rounding of coordinates can move a face at a point, jumps apart."""
-        plain, total = self.plain, self.plain.slack(x, y)
-        for one in self._others(x, y) if plain._in_cell(plain.ground, x, y) else ():
+        plain, total = self.plain, 0.0
+        if not plain._in_cell(plain.ground, x, y):
+            return total
+        for one in [*plain._covering(x, y), *self._others(x, y)]:
             g = plain._grain(*one.cell)
             shapes = [one.shape(x, y, a, b) for a in (-g, 0.0, g) for b in (-g, 0.0, g)]
             heights = [plain._height(one, shape) for shape in shapes]
-            total += max(heights) - min(heights)
+            if not any(map(math.isnan, heights)):
+                total += max(heights) - min(heights)
         return total
 
     def _others(self, x: float, y: float) -> Iterator[Element]:

@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import json
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests import composition
+from tests.budget import examples
 from tests.reduction import Reduction
 from tests.storey_examples import DEFINITIONS, WORKED, Worked, pointer
+from tests.storey_trees import lattices, on_lattice, with_storeys
 from tests.storeys import Interval, Storeys
+from tests.strategies import Point, definitions, landmarks
+from tests.strategies import points as st_points
 
 Json = dict[str, Any]
+TOLERANCE = 2e-6
+"""How far curves that are cut in pieces may be off, as in tests/field/test_properties.py."""
 
 
 def plain(definition: Json) -> composition.Plain:
@@ -62,3 +71,43 @@ def whole(value: Any) -> Any:
     if isinstance(value, list):
         return [whole(item) for item in value]
     return float(value) if isinstance(value, Fraction) else value
+
+
+def unsure(oracle: Storeys, x: float, y: float, within: float) -> bool:
+    """Whether rounding decides which of two faces is the higher one, or what holds the point."""
+    if oracle.margin(x, y) <= 1e-9:
+        return True
+    ground, storeys = oracle.faces(x, y)
+    faces = sorted([ground.z, *(z for one in storeys for z in (one.top.z, one.other))])
+    return any(0 < b - a <= within for a, b in pairwise(faces))
+
+
+def agree(definition: Json, points: list[Point], within: float) -> int:
+    """Compare the two readings; the number of points that could be compared."""
+    oracle, reduction = Storeys(definition), Reduction(definition)
+    x, y = np.array(points, float).T
+    count = 0
+    for point, other in zip(points, reduction.columns(x, y), strict=True):
+        apart = within + oracle.slack(*point)
+        if not unsure(oracle, *point, apart):
+            count += 1
+            assert_same(other, oracle.column(*point), apart)
+    return count
+
+
+@settings(max_examples=examples(40))
+@given(st.data())
+def test_the_readings_agree_where_faces_meet(data: st.DataObject) -> None:
+    definition = data.draw(lattices())
+    points = data.draw(st.lists(on_lattice(definition), min_size=30, max_size=30))
+    points += landmarks(definition)
+    agree(definition, points, 1e-12)
+
+
+@pytest.mark.nightly
+@settings(max_examples=examples(40))
+@given(st.data())
+def test_the_readings_agree_on_terrains_of_all_kinds(data: st.DataObject) -> None:
+    definition = data.draw(with_storeys(definitions(free=True, gridded=True, classed=True)))
+    drawn = data.draw(st.lists(st_points(definition), min_size=10, max_size=10))
+    agree(definition, landmarks(definition)[:60] + drawn, TOLERANCE)
