@@ -1,4 +1,4 @@
-// The parts of the module. Those of the field and of traversability are bound in four files and in
+// The parts of the module. Those of the field and of traversability are bound in five files and in
 // two, which build side by side.
 #pragma once
 
@@ -6,6 +6,7 @@
 
 namespace terratool::python {
 
+void bind_columns(nanobind::module_ m);
 void bind_definition(nanobind::module_ m);
 void bind_field(nanobind::module_ m);
 void bind_importing(nanobind::module_ m);

@@ -27,6 +27,8 @@ MAX_BANDS = 65535
 """Most bands of a raster, as in a TIFF."""
 MAX_PASSES = 10**9
 """Most passes of a track; sums of passes stay whole in doubles."""
+POINT_LENGTHS = (2, 3)
+"""Numbers of a point of a track: x and y, and perhaps z."""
 COMBINES = ("product", "sum", "min", "max", "radial")
 """Ways in which the two curves of a primitive combine."""
 REGISTRATIONS = ("gridline", "pixel")
@@ -300,6 +302,10 @@ GAPS: dict[type[Storey], str] = {Deck: "thickness", Bore: "height"}
 """Key, and attribute, of the distance between the two faces of each kind of storey."""
 FACES: dict[type[Storey], str] = {Deck: "under", Bore: "roof"}
 """Key, and attribute, of the primitive of the other face of each kind of storey."""
+STOREYS: dict[str, type[Storey]] = {"deck": Deck, "bore": Bore}
+"""Class of each kind of storey by its key, and attribute, of an element."""
+FACE_KEYS = {"vScale": "v_scale", "vOffset": "v_offset"}
+"""Attributes of the numbers of the primitive of the other face, by key."""
 
 
 class Element(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc=False):
@@ -334,7 +340,7 @@ class Track(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_
     """Rut of one wheel: a polyline with a width, and the depth of the wheel's sinkage along it."""
 
     descr: str | UnsetType = UNSET
-    path: tuple[Pair, ...] | UnsetType = UNSET
+    path: tuple[tuple[float, ...], ...] | UnsetType = UNSET
     width: float | UnsetType = UNSET
     load: float | UnsetType = UNSET
     depth: float | dict[str, float] | UnsetType = UNSET
@@ -344,8 +350,14 @@ class Track(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_
 
     @property
     def points(self) -> tuple[Pair, ...]:
-        """Points of the polyline, empty where absent."""
-        return () if self.path is UNSET else self.path
+        """Points (x, y) of the polyline, empty where absent."""
+        return () if self.path is UNSET else tuple((point[0], point[1]) for point in self.path)
+
+    @property
+    def heights(self) -> tuple[float, ...]:
+        """Height at each point, near which the ground lies that the wheel is on; NaN for none."""
+        path = () if self.path is UNSET else self.path
+        return tuple(point[2] if len(point) > 2 else math.nan for point in path)
 
     @property
     def by_load(self) -> bool:
@@ -799,11 +811,12 @@ TERRAIN_KEYS: dict[Shape, dict[str, Key]] = {
     Track: {
         "descr": TEXT.describe("What the track is.", "Front left wheel", default=""),
         "path": Key(
-            "a list of two points [x, y] or more, numbers up to 1e30 in size", "path", -LARGEST,
-            LARGEST,
+            "a list of two points [x, y] or [x, y, z] or more, numbers up to 1e30 in size", "path",
+            -LARGEST, LARGEST,
         ).describe(
-            "The points [x, y] of the polyline, two or more, in world coordinates.",
-            [[2, 3], [30, 3.5]],
+            "The points of the polyline, two or more, in world coordinates: all [x, y] for a wheel "
+            "on the ground, or all [x, y, z] for one on the floors nearest to these heights.",
+            [[2, 3], [30, 3.5]], [[2, 3, 6], [30, 3.5, 6.2]],
         ),
         "width": Key("a width above 0, from 1e-30 to 1e30", "number", SMALLEST, LARGEST).describe(
             "Width of the rut.", 0.2,

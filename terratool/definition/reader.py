@@ -31,7 +31,11 @@ from terratool.definition.libraries import Shelf, SourceDocument, known_names
 from terratool.definition.model import (
     COMBINES,
     LARGEST,
+    POINT_LENGTHS,
     REGISTRATIONS,
+    STOREYS,
+    Bore,
+    Deck,
     Definition,
     Element,
     GridFile,
@@ -598,7 +602,7 @@ _RANGED: dict[type, list[tuple[str, Key]]] = {
         for name, key in names_of(kind)
         if KEYS[kind][key].kind in ("number", "whole")
     ]
-    for kind in (Definition, Library, Surface, Roughness, Track)
+    for kind in (Definition, Library, Surface, Roughness, Track, Deck, Bore)
 }
 
 
@@ -611,6 +615,11 @@ def _in_range(definition: Library, tree: Tree) -> bool:
     ranged = [(tree.distinct(key), KEYS[Element][key]) for key in ("cells", "extent")]
     bands = {grid.band for grid in tree.distinct("surface_grid") - {msgspec.UNSET}}
     ranged.append((bands, KEYS[SurfaceGrid]["band"]))
+    ranged += [
+        ({getattr(storey, name) for storey in tree.distinct(key) - {msgspec.UNSET}}, wanted)
+        for key, kind in STOREYS.items()
+        for name, wanted in _RANGED[kind]
+    ]
     tracks = definition.ruts if isinstance(definition, Definition) else ()
     ranged += [
         ({getattr(owner, name)}, key)
@@ -633,7 +642,10 @@ def _in_range(definition: Library, tree: Tree) -> bool:
             numbers = set(chain.from_iterable(primitive.grid)) - {None}
             ranged.append((numbers, KEYS[Primitive]["grid"]))
     for track in tracks:
-        ranged.append((set(chain.from_iterable(track.points)), KEYS[Track]["path"]))
+        path = () if track.path is msgspec.UNSET else track.path
+        if any(len(point) not in POINT_LENGTHS for point in path):
+            return False
+        ranged.append((set(chain.from_iterable(path)), KEYS[Track]["path"]))
         if track.depth is not msgspec.UNSET:
             depths = track.depth.values() if isinstance(track.depth, dict) else (track.depth,)
             ranged.append((set(depths), KEYS[Track]["depth"]))

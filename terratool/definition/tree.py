@@ -169,10 +169,26 @@ class Tree(Struct, frozen=True, dict=True):
         """Names of the surfaces of elements, their own and those of classes; `UNSET` for none."""
         return with_classes(self.distinct("surface"), self.distinct("surface_grid"))
 
+    def storey(self, index: int) -> Any:
+        """Deck or bore that an element is; `UNSET` for the ground."""
+        deck = self.value("deck", index)
+        return self.value("bore", index) if deck is UNSET else deck
+
+    @cached_property
+    def has_storeys(self) -> bool:
+        """Whether any element is a deck or a bore."""
+        return any(self.distinct(key) != {UNSET} for key in ("deck", "bore"))
+
     def wears(self, index: int, surfaces: set[str]) -> bool:
         """Whether an element has one of some surfaces, its own or that of a class."""
         own = {self.value("surface", index)}
         return not with_classes(own, (self.value("surface_grid", index),)).isdisjoint(surfaces)
+
+    @property
+    def shapes(self) -> set[Any]:
+        """Names of the primitives of elements, and of the other faces of decks and bores."""
+        storeys = self.distinct("deck") | self.distinct("bore")
+        return self.distinct("type").union(one.face for one in storeys if one is not UNSET)
 
     def count_lacking(self, name: str) -> int:
         """Number of elements without an attribute."""

@@ -197,6 +197,12 @@ class Uses(Struct, frozen=True, dict=True):
         tree = self.document.decoded.tree
         return any(tree.distinct(key) != {UNSET} for key in ("part", "repeat", "scatter"))
 
+    @cached_property
+    def has_storeys(self) -> bool:
+        """Whether any element of the terrain is a deck or a bore, directly or in a part."""
+        roots = (self.root, *map(self.part, self.parts_in_use)) if self.has_root else ()
+        return any(root.tree.has_storeys for root in roots)
+
     @property
     def has_root(self) -> bool:
         """Whether the file is a terrain with a root, rather than a library."""
@@ -274,6 +280,9 @@ class Uses(Struct, frozen=True, dict=True):
         for root in (self.root, *map(self.part, self.parts_in_use)):
             for names, key in (surfaces, "surface"), (primitives, "type"):
                 names |= dict.fromkeys(map(root.tree.column(key).__getitem__, elements_of(root)))
+            if root.tree.has_storeys:
+                storeys = filter(None, map(root.tree.storey, elements_of(root)))
+                primitives |= dict.fromkeys(storey.face for storey in storeys)
             if root.tree.distinct("surface_grid") != {UNSET}:
                 classes = map(root.tree.column("surface_grid").__getitem__, elements_of(root))
                 for grid in dict.fromkeys(classes):

@@ -14,17 +14,26 @@ from msgspec import UNSET
 from numpy.typing import ArrayLike, NDArray
 
 from terratool.definition.crs import refuse_degrees
-from terratool.definition.expand import MAX_ELEMENTS, Expansion, expand
+from terratool.definition.expand import (
+    MAX_ELEMENTS,
+    Expansion,
+    expand,
+    with_names,
+    with_names_in_use,
+)
 from terratool.definition.findings import Bounds
 from terratool.definition.model import Definition
 from terratool.definition.reader import Checked, load_checked, refusal, uses_of
 from terratool.definition.sharing import blueprint
 from terratool.definition.uses import Uses
+from terratool.definition.written import write_out
 from terratool.errors import RequestError
 from terratool.field.compile import Compiled, compile_definition
 from terratool.field.records import CurveArrays, FieldArrays, align_arrays
 from terratool.field.sharing import Tally, compile_shared, refuse_piled
-from terratool.field.types import PointSamples, points_of
+from terratool.field.storeys import FIRST_STOREY, ColumnGround, ColumnRows, Storeys
+from terratool.field.tracks import without_tracks
+from terratool.field.types import OUTSIDE, Columns, PointSamples, points_of
 from terratool.kernels import field as kernels
 from terratool.report.numbers import coordinates
 
@@ -35,6 +44,9 @@ if TYPE_CHECKING:
     from terratool.field.rays import RayHits
     from terratool.field.torch_field import TorchField
     from terratool.field.warp_field import WarpField
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 CHUNK = 1 << 21
 """Points of a batch that are sorted at a time."""
@@ -125,7 +137,7 @@ def batch_heights(
     return out
 
 
-_CACHED = ("field", "written_out", "ray_index", "_document_order")
+_CACHED = ("field", "written_out", "ray_index", "_document_order", "_bare")
 """Attributes of a terrain that follow from the others."""
 
 
@@ -164,18 +176,30 @@ class Terrain:
         self._source: Definition | Checked | None = None
         self._roughness = roughness
         self._far: dict[int, int] = {}
+        storeys, worn, shapes = None, set[Any](), set[Any]()
+        if uses.has_storeys:
+            storeys = write_out(uses, with_names(uses), "storeys")
+            worn, shapes = storeys.worn, storeys.shapes
         if uses.is_composed and uses.elements > share_above:
             self._source = definition
-            plan = blueprint(uses)
+            plan = blueprint(uses, worn, shapes)
             if isinstance(definition, Checked):
                 plan = plan._replace(definition=definition.with_tracks(plan.definition))
             definition = plan.definition
             self._compiled, self._tally = compile_shared(plan, roughness=roughness)
             refuse_piled(self.field, uses.document.source.name)
+        elif storeys is not None:
+            elements = write_out(uses, with_names(uses), "ground")
+            names = worn | elements.worn, shapes | elements.shapes
+            named = with_names_in_use(with_names(uses), *names, uses)
+            definition = definition.with_tracks(named) if isinstance(definition, Checked) else named
+            self._compiled = compile_definition(definition, elements, roughness=roughness)
         else:
             expansion = _written_out(definition, uses)
             definition = expansion.definition
             self._compiled = compile_definition(definition, expansion.elements, roughness=roughness)
+        self.storeys: Storeys | None = None
+        """Decks and bores; None where there are none."""
         self.descr = "" if definition.descr is UNSET else definition.descr
         self.crs: str | int | dict[str, object] | None = (
             None if definition.crs is UNSET else definition.crs
@@ -189,6 +213,49 @@ class Terrain:
         """Surfaces by name."""
         self.libraries = tuple(one.source.name for one in uses.document.all_libraries)
         """Files of the libraries that the terrain uses, directly or through others, in order."""
+        if storeys is not None:
+            self.storeys = Storeys(storeys, definition, self._plain)
+
+    def _plain(self, compiled: Compiled, definition: Definition) -> Terrain:
+        """Terrain of other elements in place of these, without parts that are shared."""
+        other = Terrain.__new__(Terrain)
+        vars(other).update(vars(self))
+        for name in _CACHED:
+            vars(other).pop(name, None)
+        other._compiled, other._tally, other._source, other.storeys = compiled, None, None, None
+        other.primitives = tuple(definition.primitives)
+        other.surface_types = dict(definition.surfaces)
+        return other
+
+    @property
+    def compiled(self) -> Compiled:
+        """The compiled ground."""
+        return self._compiled
+
+    @cached_property
+    def ground_alone(self) -> Terrain:
+        """The terrain without its storeys, and what is in them."""
+        if self.storeys is None:
+            return self
+        other = copy(self)
+        for name in _CACHED:
+            if name != "field":
+                vars(other).pop(name, None)
+        other.storeys = None
+        return other
+
+    @cached_property
+    def _bare(self) -> Terrain:
+        """The ground without ruts and reliefs."""
+        if not self.tracks and not self.is_rough:
+            return self.ground_alone
+        arrays = without_tracks(self.arrays)
+        arrays = arrays._replace(reliefs=arrays.reliefs[:0])
+        other = copy(self.ground_alone)
+        for name in _CACHED:
+            vars(other).pop(name, None)
+        other._compiled = self._compiled._replace(arrays=arrays)
+        return other
 
     @property
     def arrays(self) -> FieldArrays:
@@ -289,10 +356,68 @@ class Terrain:
         c = self._compiled
         return c.arrays.nbytes + c.document.nbytes + c.parents.nbytes
 
-    def height(self, x: ArrayLike, y: ArrayLike) -> Any:
-        """Heights at points: a float for numbers, else a float64 array; NaN without ground."""
+    def height(self, x: ArrayLike, y: ArrayLike, below: ArrayLike | None = None) -> Any:
+        """Heights at points: a float for numbers, else a float64 array; NaN without ground.
+
+        Args:
+            x: world positions.
+            y: world positions.
+            below: heights; the highest top that is not above them is wanted, rather than the
+                highest of all.
+        """
+        x, y, below, shape = _points_below(x, y, below)
+        heights = batch_heights(self.arrays, self.field, x, y)
+        if below is not None:
+            heights[~(heights <= below)] = np.nan
+        if self.storeys is not None and (near := self.storeys.near(x, y)).any():
+            rows = self._columns(x[near], y[near])
+            some, place = rows.last if below is None else rows.below(below[near])
+            found = np.full(len(some), np.nan)
+            found[some] = rows.top[place]
+            heights[near] = found
+        return heights.reshape(shape)[()]
+
+    def ground(self, x: ArrayLike, y: ArrayLike) -> Any:
+        """Heights of the ground below all storeys, and of floors cut through it; else as `height`.
+
+        It is NaN where nothing is solid from below: over a void.
+        """
         x, y, shape = _points(x, y)
-        return batch_heights(self.arrays, self.field, x, y).reshape(shape)[()]
+        heights = batch_heights(self.arrays, self.field, x, y)
+        if self.storeys is not None and (near := self.storeys.near(x, y)).any():
+            rows = self._columns(x[near], y[near])
+            heights[near] = np.where(np.isneginf(rows.bottom[:, 0]), rows.top[:, 0], np.nan)
+        return heights.reshape(shape)[()]
+
+    def column(self, x: ArrayLike, y: ArrayLike) -> Columns:
+        """All that is solid at points, as intervals of heights from below."""
+        x, y, shape = _points(x, y)
+        rows = self._columns(x, y)
+        clear = np.full_like(rows.top, np.nan)
+        clear[:, :-1] = rows.bottom[:, 1:] - rows.top[:, :-1]
+        _, place = rows.last
+        clear[place] = np.inf
+        normal = _normals(rows.slope_x, rows.slope_y)
+
+        def shaped(values: NDArray[Any]) -> NDArray[Any]:
+            return values.reshape(*shape, *values.shape[1:])
+
+        return Columns(
+            shaped(rows.bottom),
+            shaped(rows.top),
+            shaped(clear),
+            shaped(rows.surface),
+            shaped(rows.element),
+            shaped(rows.under),
+            shaped(normal),
+        )
+
+    def _columns(self, x: Floats, y: Floats) -> ColumnRows:
+        """Columns at points, (n,) each."""
+        if self.storeys is None:
+            return ColumnRows.of_ground(ColumnGround(*self._samples(x, y)))
+        ground = ColumnGround(*self._bare._samples(x, y))
+        return self.storeys.columns(self, x, y, ground)
 
     def surface(self, x: ArrayLike, y: ArrayLike) -> Any:
         """Names of the surfaces at points, a str or an object array; None without a surface."""
@@ -321,13 +446,45 @@ class Terrain:
 
         return addresses(self, x, y)
 
-    def normal(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    def normal(self, x: ArrayLike, y: ArrayLike, below: ArrayLike | None = None) -> Floats:
         """Upward unit normals at points, (…, 3) float64; on an edge, of its east and north side."""
-        return self.sample(x, y).normal
+        return self.sample(x, y, below).normal
 
-    def sample(self, x: ArrayLike, y: ArrayLike) -> PointSamples:
-        """Height, element, surface and normal at points in one pass."""
-        x, y, shape = _points(x, y)
+    def sample(self, x: ArrayLike, y: ArrayLike, below: ArrayLike | None = None) -> PointSamples:
+        """Height, element, surface and normal at points in one pass.
+
+        Args:
+            x: world positions.
+            y: world positions.
+            below: heights; the highest top that is not above them is wanted, rather than the
+                highest of all.
+        """
+        x, y, below, shape = _points_below(x, y, below)
+        height, element, surface, gradient = self._samples(x, y)
+        if below is not None:
+            above = ~(height <= below)
+            height[above], gradient[above] = np.nan, np.nan
+            element[above & (element != OUTSIDE)], surface[above] = -1, -1
+        if self.storeys is not None and (near := self.storeys.near(x, y)).any():
+            rows = self._columns(x[near], y[near])
+            some, place = rows.last if below is None else rows.below(below[near])
+            at = np.flatnonzero(near)
+            height[at], gradient[at] = np.nan, np.nan
+            void = ~some & (element[at] != OUTSIDE)
+            element[at[void]] = np.where(below is None, element[at[void]], -1)
+            at = at[some]
+            height[at], element[at] = rows.top[place], rows.element[place]
+            surface[at] = rows.surface[place]
+            gradient[at] = np.column_stack([rows.slope_x[place], rows.slope_y[place]])
+        return PointSamples(
+            height.reshape(shape),
+            element.reshape(shape),
+            surface.reshape(shape),
+            _normals(gradient[:, 0], gradient[:, 1]).reshape(*shape, 3),
+        )
+
+    def _samples(self, x: Floats, y: Floats) -> tuple[Floats, Ints, NDArray[np.int32], Floats]:
+        """Height, element, surface and gradient of the ground at points, (n,) and (n, 2)."""
         height = np.empty(len(x))
         element, surface = np.empty(len(x), np.int64), np.empty(len(x), np.int32)
         gradient = np.empty((len(x), 2))
@@ -337,17 +494,7 @@ class Terrain:
             number = np.empty((len(x), 2), np.uint64)
             kernels.shared_samples(self.field, x, y, height, element, surface, number, gradient)
             element = self._numbered(element, number)
-        slope_x, slope_y = gradient.T
-        length = np.sqrt(slope_x * slope_x + slope_y * slope_y + 1.0)
-        normal = np.empty((len(x), 3))
-        for axis, part in enumerate((0.0 - slope_x, 0.0 - slope_y, 1.0)):
-            normal[:, axis] = part / length
-        return PointSamples(
-            height.reshape(shape),
-            element.reshape(shape),
-            surface.reshape(shape),
-            normal.reshape(*shape, 3),
-        )
+        return height, element, surface, gradient
 
     @cached_property
     def ray_index(self) -> kernels.RayIndex:
@@ -367,7 +514,7 @@ class Terrain:
     def numbers_of(self, elements: NDArray[np.int64]) -> NDArray[np.int64]:
         """Numbers in this terrain of elements and tracks of `written_out`, if parts are shared."""
         count = len(self._document_order)
-        tracks = elements - count + self._first_track
+        tracks = elements - count + self.first_track
         own = self._document_order[np.clip(elements, 0, count - 1)]
         return np.where(elements < 0, elements, np.where(elements < count, own, tracks))
 
@@ -439,7 +586,7 @@ class Terrain:
         return WarpField(self, device, origin=origin, default_friction=default_friction)
 
     @property
-    def _first_track(self) -> int:
+    def first_track(self) -> int:
         """Number of the first track, which follows those of the elements."""
         return min(self.elements, FARTHEST)
 
@@ -452,7 +599,7 @@ class Terrain:
         """
         count = len(self.arrays.elements)
         found = np.where(element < 0, element, number[:, 0].astype(np.int64))
-        found = np.where(element >= count, element - count + self._first_track, found)
+        found = np.where(element >= count, element - count + self.first_track, found)
         far = (element >= 0) & (element < count)
         far &= (number[:, 1] > 0) | (number[:, 0] >= FARTHEST)
         for point in np.flatnonzero(far).tolist():
@@ -463,12 +610,12 @@ class Terrain:
 
     def _number(self, element: int) -> int:
         """Number of an element of a shared field among all elements."""
-        if element < self._first_track:
+        if element < self.first_track:
             return element
         return list(self._far)[element - FARTHEST - self.tracks]
 
     def _is_track(self, element: int) -> bool:
-        return self._first_track <= element < self._first_track + self.tracks
+        return self.first_track <= element < self.first_track + self.tracks
 
     def primitive_of(self) -> NDArray[np.int64]:
         """Index into `primitives` of each element, (n,) int64."""
@@ -561,8 +708,11 @@ class Terrain:
         """
         if element < 0:
             return None
+        if element >= FIRST_STOREY:
+            assert self.storeys is not None
+            return self.storeys.pointer(element)
         if self._is_track(element):
-            return f"/tracks/{element - self._first_track}"
+            return f"/tracks/{element - self.first_track}"
         if self._tally is not None:
             return self._tally.name(self._number(element))
         steps = []
@@ -612,3 +762,28 @@ def _points(
     x, y = points_of(x, y)
     first, second = (np.ascontiguousarray(one).ravel() for one in (x, y))
     return first, second, x.shape
+
+
+def _points_below(
+    x: ArrayLike, y: ArrayLike, below: ArrayLike | None
+) -> tuple[Floats, Floats, Floats | None, tuple[int, ...]]:
+    """Points in a row with the heights below which a top is wanted, and the shape of all."""
+    if below is None:
+        x, y, shape = _points(x, y)
+        return x, y, None, shape
+    x, y = points_of(x, y)
+    x, below = points_of(x, below)
+    y, below = points_of(y, below)
+    first, second, third = (
+        np.ascontiguousarray(np.broadcast_to(one, below.shape)).ravel() for one in (x, y, below)
+    )
+    return first, second, third, below.shape
+
+
+def _normals(slope_x: Floats, slope_y: Floats) -> Floats:
+    """Upward unit normals by the slopes along x and y, (…, 3)."""
+    length = np.sqrt(slope_x * slope_x + slope_y * slope_y + 1.0)
+    normal = np.empty((*slope_x.shape, 3))
+    for axis, part in enumerate((0.0 - slope_x, 0.0 - slope_y, 1.0)):
+        normal[..., axis] = part / length
+    return normal

@@ -82,6 +82,8 @@ def _segments(tracks: tuple[Track, ...]) -> tuple[NDArray[Any], NDArray[np.uint3
     start = np.flatnonzero(begins)
     segments["x"], segments["y"] = points[start].T
     segments["end_x"], segments["end_y"] = points[start + 1].T
+    z = np.array([z for track in tracks for z in track.heights], np.float64)
+    segments["z"], segments["end_z"] = z[start], z[start + 1]
     segments["dx"] = segments["end_x"] - segments["x"]
     segments["dy"] = segments["end_y"] - segments["y"]
     segments["square"] = segments["dx"] * segments["dx"] + segments["dy"] * segments["dy"]

@@ -385,3 +385,32 @@ def cast(
     Shapes: origins[n,3], directions[n,3], most[n], distance[n], point[n,3], normal[n,3], top[n],
     surface[n], wall[n].
     """
+
+class Storeys:
+    """Decks and bores of a field, in sheets."""
+
+    def __init__(self, sheets: object, table: object, lattice: object) -> None: ...
+
+def near_storeys(
+    storeys: Storeys, x: NDArray[np.float64], y: NDArray[np.float64], out: NDArray[np.bool_]
+) -> None:
+    """
+    Whether storeys may be at points.
+
+    Shapes: x[n], y[n], out[n].
+    """
+
+def columns(
+    storeys: Storeys,
+    field: Field,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    ground: Any,
+    first_track: int,
+    out: Any,
+) -> None:
+    """
+    Intervals of heights at points, from below.
+
+    Shapes: x[n], y[n].
+    """
