@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from copy import deepcopy
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -71,7 +72,7 @@ class Reduction:
     """Plain terrains that are one with storeys, asked for many points at a time."""
 
     def __init__(self, definition: Json) -> None:
-        self.definition = definition
+        self.definition = definition = numbers(definition)
         self.storeys: list[Storey] = []
         self._find([definition["elemTree"]], "/elemTree", 0)
         self.storeys.sort(key=lambda storey: storey.order)  # stable: siblings stay as written
@@ -94,7 +95,7 @@ class Reduction:
                 worn = top.surfaces[k], top.elements[k]
                 if storey.kind == "deck" and h > face:
                     layers.fill(face, h, worn, storey.pointer)
-                elif storey.kind == "bore" and math.isnan(h):
+                elif storey.kind == "bore" and math.isnan(h) and not math.isnan(face):
                     layers.empty(-math.inf, face, worn, storey.pointer)
                 elif storey.kind == "bore" and face > h:
                     layers.empty(h, face, worn, storey.pointer)
@@ -148,6 +149,15 @@ class Reduction:
             gap = float(asked[GAPS[storey.kind]])
             other = own.heights - gap if storey.kind == "deck" else own.heights + gap
         return Tops(tops.heights, tops.surfaces, tops.elements), other, inside
+
+
+def numbers(value: Any) -> Any:
+    """A definition whose places may be fractions, with the nearest numbers in their stead."""
+    if isinstance(value, dict):
+        return {key: numbers(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [numbers(item) for item in value]
+    return float(value) if isinstance(value, Fraction) else value
 
 
 def names_above(storey: Storey) -> dict[str, str]:

@@ -27,7 +27,10 @@ LATTICE: Json = {
     "pixels": {"grid": [[1, 0.5], [None, 1], [1, 2]], "registration": "pixel"},
     "disc": {"combine": "radial", "x": [1]},
     "cone": {"combine": "radial", "x": [0, 1, 0]},
-    "dish": {"combine": "radial", "x": [[0, 1], [0.25, 1], [0.25, 0], [0.75, 0], [0.75, 1], [1, 1]]},
+    "dish": {
+        "combine": "radial",
+        "x": [[0, 1], [0.25, 1], [0.25, 0], [0.75, 0], [0.75, 1], [1, 1]],
+    },
 }
 SURFACES: Json = {"grass": {}, "rock": {}, "road": {"void": False}, "hole": {"void": True}}
 
@@ -169,7 +172,7 @@ def file_sets_with_storeys(draw: Draw, plain: st.SearchStrategy[FileSet]) -> Fil
             for node in below_root(text["elemTree"]):
                 sprinkle(draw, node, seen)
         for node in text.get("parts", {}).values():
-            for each in ([] if is_hidden(node) else below_root(node)):
+            for each in [] if is_hidden(node) else below_root(node):
                 sprinkle(draw, each, seen)
             if not is_hidden(node) and "part" not in files[MAIN]["elemTree"]:
                 sprinkle(draw, node, seen)

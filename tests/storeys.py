@@ -57,6 +57,7 @@ class Storeys:
 
     def __init__(self, definition: dict[str, Any]) -> None:
         self.plain = Oracle(definition)
+        self._last: tuple[tuple[float, float], list[Element]] | None = None
 
     def column(self, x: float, y: float) -> list[Interval]:
         """What is solid at a point, from below; nothing outside of the terrain."""
@@ -82,7 +83,7 @@ class Storeys:
         plain = self.plain
         if not plain._in_cell(plain.ground, x, y):
             return Answer(math.nan, None, None), []
-        covering = plain._covering(x, y)
+        covering = self._covering(x, y)
         ground = [one for one in covering if not self._storeys_above(one)]
         found = []
         for place, one in enumerate(covering):
@@ -108,7 +109,7 @@ class Storeys:
         plain, total = self.plain, 0.0
         if not plain._in_cell(plain.ground, x, y):
             return total
-        for one in [*plain._covering(x, y), *self._others(x, y)]:
+        for one in [*self._covering(x, y), *self._others(x, y)]:
             g = plain._grain(*one.cell)
             shapes = [one.shape(x, y, a, b) for a in (-g, 0.0, g) for b in (-g, 0.0, g)]
             heights = [plain._height(one, shape) for shape in shapes]
@@ -116,9 +117,15 @@ class Storeys:
                 total += max(heights) - min(heights)
         return total
 
+    def _covering(self, x: float, y: float) -> list[Element]:
+        """All elements whose footprints contain the point, in document order."""
+        if self._last is None or self._last[0] != (x, y):
+            self._last = (x, y), self.plain._covering(x, y)
+        return self._last[1]
+
     def _others(self, x: float, y: float) -> Iterator[Element]:
         """The other faces that have a primitive, of the storeys that hold a point."""
-        for one in self.plain._covering(x, y):
+        for one in self._covering(x, y):
             kind = kind_of(one.node)
             if kind and FACES[kind] in one.node[kind]:
                 yield self._face(one, kind)
