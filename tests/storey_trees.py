@@ -160,8 +160,11 @@ def sprinkle(draw: Draw, node: Json, types: dict[str, Json], *, factored: bool =
 
 @st.composite
 def with_storeys(draw: Draw, plain: st.SearchStrategy[Json]) -> Json:
-    """Terrains of a strategy with storeys in them."""
+    """Terrains of a strategy with storeys in them, and with heights of their tracks."""
     found = draw(plain)
+    for track in found.get("tracks", []):
+        if draw(st.booleans()):
+            track["path"] = [[*point, draw(thousandths(-5, 5))] for point in track["path"]]
     for node in below_root(found["elemTree"]):
         sprinkle(draw, node, found["elemTypes"])
     return found
