@@ -9,6 +9,15 @@ using namespace traversability;
 
 namespace {
 
+// Twins that lead round: each cell is the twin of one.
+void check_twins(Matrix<const i64> twins, IndexCheck check_index) {
+    std::vector<bool> met(std::size_t(twins.size()), false);
+    for (i64 twin : twins.flat()) {
+        check_index(0 <= twin && twin < twins.size() && !met[twin], "a twin");
+        met[twin] = true;
+    }
+}
+
 // Costs whose moves and tiles go with their cells.
 void check_costs(const Costs& costs, IndexCheck check_index) {
     const Moves& moves = costs.moves;
@@ -17,6 +26,8 @@ void check_costs(const Costs& costs, IndexCheck check_index) {
     check_index(!moves.bends() || moves.arcs.rows() == 2 * moves.headings(), "the number of arcs");
     for (i64 n : moves.counts) check_index(0 < n && n <= moves.within.rows(), "cells of an arc");
     check_index(costs.tile > 0, "the side of tiles");
+    check_index(costs.pitch > 0, "the pitch");
+    check_twins(costs.twins, check_index);
     check_index(costs.tile * costs.known.rows() >= costs.rate.rows(), "a row of tiles");
     check_index(costs.tile * costs.known.columns() >= costs.rate.columns(), "tiles");
 }
@@ -76,6 +87,22 @@ Rows<double, 7> pull_bent_way(
     return pull_bends(costs, corners, radius, rounds, both, near);
 }
 
+i64 flood_cells(
+    const Moves& moves, i64 direction, const Drivable& can, const FloodPlaces& places,
+    const Marked& fresh, const Marked& reached, i64 states
+) {
+    check_twins(places.twins, IndexCheck{"flood"});
+    return flood(moves, direction, can, places, fresh, reached, states);
+}
+
+i64 find_parts_of(
+    const Moves& moves, const Drivable& can, const FloodPlaces& places, const Marked& fresh,
+    const Marked& reached, Matrix<i64> parts, i64 states
+) {
+    check_twins(places.twins, IndexCheck{"find_parts"});
+    return find_parts(moves, can, places, fresh, reached, parts, states);
+}
+
 }  // namespace
 
 template <> struct Argument<Search> : KnownArgument<KeptSearch> {
@@ -107,14 +134,14 @@ void bind_routing(nb::module_ m) {
         "begin and end on the legs, its radius, and whether it is the search's.",
         {"costs", "corners[n,7]", "radius", "rounds", "both", "near"}
     );
-    def<&flood>(
+    def<&flood_cells>(
         m, "flood", "Spread over what can be driven; over how many states, fewer once all is done.",
-        {"moves", "direction", "can[h,w]", "?turns[h,w]", "fresh[h,w]", "reached[h,w]", "states"}
+        {"moves", "direction", "can[h,w]", "places", "fresh[h,w]", "reached[h,w]", "states"}
     );
-    def<&find_parts>(
+    def<&find_parts_of>(
         m, "find_parts",
         "Find the largest part that can be driven both ways; over how many states this went.",
-        {"moves", "can[h,w]", "?turns[h,w]", "fresh[h,w]", "reached[h,w]", "parts[2,3]", "states"}
+        {"moves", "can[h,w]", "places", "fresh[h,w]", "reached[h,w]", "parts[2,3]", "states"}
     );
 }
 

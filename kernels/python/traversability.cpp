@@ -1,5 +1,6 @@
 // What Python sees of kernels/traversability, but for routes.
 #include "../traversability/belts.hpp"
+#include "../traversability/layers.hpp"
 #include "../traversability/turning.hpp"
 #include "../traversability/uneven.hpp"
 #include "bind.hpp"
@@ -288,6 +289,10 @@ void bind_traversability(nb::module_ m) {
     def<&departures>(
         m, "departures", "How far ground at offsets is from its plane at most.",
         {"ground[_,_,_]", "first", "offsets[k,3]", "shifts[k,2]", "plane[3,h,w]", "out[h,w]"}
+    );
+    def<&find_layer>(
+        m, "find_layer", "What a layer of driving shows at every pixel.",
+        {"solids", "sheet", "apart", "rise", "reach", "out"}
     );
     def<&raise_steps>(
         m, "raise_steps", "Mark pixels beside walls with the step that a wheel meets.",

@@ -78,6 +78,8 @@ struct Costs {
     double backward;           // a metre backwards weighs so many ahead
     double shift;              // to change gear costs so many metres, of those that bend
     double least;              // no metre costs less
+    Matrix<const i64> twins;   // the next cell that is the same place, round; none if all differ
+    i64 pitch;                 // so many rows on, cells stand over each other
 };
 
 constexpr u8 ALLOWED = 1;  // the vehicle may be there
@@ -88,7 +90,8 @@ template <class Visit> void visit_arguments(Costs& c, Visit visit) {
     visit("heights[h,w]", c.heights), visit("known[_,_]", c.known), visit("tile", c.tile);
     visit("turn[h,w]", c.turn), visit("runs[h,w]", c.runs);
     visit("resolution", c.resolution), visit("backward", c.backward);
-    visit("shift", c.shift), visit("least", c.least);
+    visit("shift", c.shift), visit("least", c.least), visit("?twins[h,w]", c.twins);
+    visit("pitch", c.pitch);
 }
 
 // A* (Hart, Nilsson and Raphael, A formal basis for the heuristic determination of minimum cost
@@ -136,6 +139,10 @@ public:
             auto [heading, cell, gear] = place(state);
             u8 by = before_[state] & ~CLOSED;
             if (by != SHIFT) states.push_back(state % costs_.rate.size());
+            if (by == TWIN) {
+                state = number(heading, twin_before(cell), gear);
+                continue;
+            }
             if (gears_ > 1 && by != START) {
                 state = before_bending(heading, cell, gear, by);
                 continue;
@@ -167,7 +174,7 @@ private:
             return bound > other.bound || (bound == other.bound && state > other.state);
         }
     };
-    enum Before : u8 { NONE, START, AHEAD, BACK, LEFT, RIGHT, SHIFT, CLOSED = 8 };
+    enum Before : u8 { NONE, START, AHEAD, BACK, LEFT, RIGHT, SHIFT, TWIN, CLOSED = 8 };
 
     struct Place {
         i64 heading;
@@ -212,7 +219,7 @@ private:
     // What is left to the goal at least: the length of the shortest moves that lead there.
     double left_from(Cell cell) const {
         constexpr double below = 1.0 - 1e-9;  // rounding must not make it too much
-        double rows = double(abs(cell.row - goal_.row));
+        double rows = double(abs(cell.row % costs_.pitch - goal_.row % costs_.pitch));
         double columns = double(abs(cell.column - goal_.column));
         double longer = max(rows, columns), shorter = min(rows, columns), length;
         // arcs are shorter than the moves along their tangents
@@ -231,6 +238,17 @@ private:
         push(state);
     }
 
+    Cell twin_of(Cell cell) const {
+        i64 twin = costs_.twins(cell.row, cell.column), width = costs_.rate.columns();
+        return {twin / width, twin % width};
+    }
+    Cell twin_before(Cell cell) const {
+        Cell before = twin_of(cell);
+        for (Cell next = twin_of(before); next.row != cell.row; next = twin_of(before))
+            before = next;
+        return before;
+    }
+
     // Reach what lies around a state; the index of a tile that must be known first, or -1.
     i64 expand(i64 state) {
         auto [heading, cell, gear] = place(state);
@@ -239,6 +257,7 @@ private:
             found_ = state;
             return -1;
         }
+        if (costs_.twins.size()) reach(number(heading, twin_of(cell), gear), cost_[state], TWIN);
         if (gears_ > 1) return bend(state, heading, cell, gear);
         const Moves& moves = costs_.moves;
         std::array<i64, 2> there{-1, -1};
@@ -397,17 +416,26 @@ using Drivable =
     std::variant<Matrix<const u8>, Matrix<const u16>, Matrix<const u32>, Matrix<const u64>>;
 using Marked = std::variant<Matrix<u8>, Matrix<u16>, Matrix<u32>, Matrix<u64>>;
 
+// What is known of cells beside what can be driven there.
+struct FloodPlaces {
+    Matrix<const bool> turns;  // where it can turn; none if it can everywhere
+    Matrix<const i64> twins;   // the next cell that is the same place, round; none if all differ
+};
+
+template <class Visit> void visit_arguments(FloodPlaces& p, Visit visit) {
+    visit("?turns[h,w]", p.turns), visit("?twins[h,w]", p.twins);
+}
+
 // Spreads over what can be driven, cell by cell, with all headings of a cell at a time.
 template <class Bits> class Flood {
 public:
-    // `fresh` has what is reached and not yet spread from, `reached` all that is reached. Where
-    // `turns` is given it turns at those cells only.
+    // `fresh` has what is reached and not yet spread from, `reached` all that is reached.
     Flood(
-        const Moves& moves, Direction direction, Matrix<const Bits> can, Matrix<const bool> turns,
+        const Moves& moves, Direction direction, Matrix<const Bits> can, const FloodPlaces& places,
         Matrix<Bits> fresh, Matrix<Bits> reached
     )
-        : last_(int(moves.headings()) - 1), can_(can), turns_(turns), fresh_(fresh),
-          reached_(reached) {
+        : last_(int(moves.headings()) - 1), can_(can), turns_(places.turns), twins_(places.twins),
+          fresh_(fresh), reached_(reached) {
         for (i64 heading = 0; heading < moves.headings(); ++heading) {
             auto bit = [](i64 n) { return Bits(u64(1) << n); };
             auto offset = moves.offsets[heading];
@@ -441,14 +469,10 @@ public:
         }
     }
 
-    // Let headings at a cell be reached, and those that it can turn to.
+    // Let headings at a cell be reached, and those that it can turn to; at its twins, too.
     INLINE void add(Cell cell, Bits bits) {
-        i64 at = number(cell);
-        Bits& reached = reached_.data()[at];
-        Bits& fresh = fresh_.data()[at];
-        if (!turns_.size() || turns_.data()[at]) bits = turned(bits, can_.data()[at]);
-        if (!fresh) next_.push_back(cell);
-        fresh |= bits, reached |= bits;
+        add_one(cell, bits);
+        if (twins_.size()) add_twins(number(cell), bits);
     }
 
     // Spread until about so many states have been spread from. How many these were.
@@ -458,12 +482,28 @@ public:
             if (here_.empty()) std::swap(here_, next_);
             Cell cell = here_.back();
             here_.pop_back();
-            count += expand(cell);
+            i64 more = expand(cell);
+            // of twins one counts
+            if (!twins_.size() || twins_.data()[number(cell)] <= number(cell)) count += more;
         }
         return count;
     }
 
 private:
+    NEVER_INLINE void add_twins(i64 at, Bits bits) {
+        for (i64 twin = twins_.data()[at]; twin != at; twin = twins_.data()[twin])
+            add_one({twin / can_.columns(), twin % can_.columns()}, bits);
+    }
+
+    INLINE void add_one(Cell cell, Bits bits) {
+        i64 at = number(cell);
+        Bits& reached = reached_.data()[at];
+        Bits& fresh = fresh_.data()[at];
+        if (!turns_.size() || turns_.data()[at]) bits = turned(bits, can_.data()[at]);
+        if (!fresh) next_.push_back(cell);
+        fresh |= bits, reached |= bits;
+    }
+
     // What one direction is to a cell: it is driven ahead with one heading, backed up with another.
     struct Way {
         Bits ahead, back;           // the two headings
@@ -509,6 +549,7 @@ private:
     std::vector<Arc> arcs_;
     Matrix<const Bits> can_;
     Matrix<const bool> turns_;
+    Matrix<const i64> twins_;
     Matrix<Bits> fresh_, reached_;
     std::vector<Cell> here_, next_;
 
@@ -561,13 +602,13 @@ private:
 // Spread on from the states in `fresh`, which are in `reached`, too, over what can be driven until
 // about so many states have been spread from. How many these were; if they are fewer, all is done.
 inline i64 flood(
-    const Moves& moves, i64 direction, const Drivable& can, Matrix<const bool> turns,
+    const Moves& moves, i64 direction, const Drivable& can, const FloodPlaces& places,
     const Marked& fresh, const Marked& reached, i64 states
 ) {
     return std::visit(
         [&]<class Bits>(Matrix<const Bits> drivable) {
             Flood<Bits> spreading(
-                moves, Direction(direction), drivable, turns, std::get<Matrix<Bits>>(fresh),
+                moves, Direction(direction), drivable, places, std::get<Matrix<Bits>>(fresh),
                 std::get<Matrix<Bits>>(reached)
             );
             spreading.resume();
@@ -582,14 +623,14 @@ inline i64 flood(
 // first, are the part that is gone through and the largest up to now, of equally large ones the
 // first: cell and heading of its first state, and how many states it has.
 inline i64 find_parts(
-    const Moves& moves, const Drivable& can, Matrix<const bool> turns, const Marked& fresh,
+    const Moves& moves, const Drivable& can, const FloodPlaces& places, const Marked& fresh,
     const Marked& reached, Matrix<i64> parts, i64 states
 ) {
     return std::visit(
         [&]<class Bits>(Matrix<const Bits> drivable) {
             auto found = std::get<Matrix<Bits>>(reached);
             Flood<Bits> spreading(
-                moves, Direction::BOTH, drivable, turns, std::get<Matrix<Bits>>(fresh), found
+                moves, Direction::BOTH, drivable, places, std::get<Matrix<Bits>>(fresh), found
             );
             spreading.resume();
             enum { CELL, HEADING, STATES };

@@ -297,6 +297,7 @@ struct Stance {
     Heights rough;              // RMS distance of the ground from its plane, m; NaN for not known
     Heights step;               // the highest ahead of the wheels, m
     Heights foothold;           // the largest share of what a foothold permits; 0 for none
+    Heights headroom;           // from the plane up to what is over it, m; none under the sky
     Matrix<const bool> beyond;  // whether it reaches beyond the terrain
     SurfaceIds surfaces;
     Ground first_pass, passes, exponent;  // as in `Pressed`; none where there is no rut
@@ -307,8 +308,8 @@ struct Stance {
 template <class Visit> void visit_arguments(Stance& s, Visit visit) {
     visit("plane[3,h,w]", s.plane), visit("bump[h,w]", s.bump), visit("front[h,w]", s.front);
     visit("rear[h,w]", s.rear), visit("rough[h,w]", s.rough), visit("step[h,w]", s.step);
-    visit("foothold[h,w]", s.foothold), visit("beyond[h,w]", s.beyond),
-        visit("surfaces", s.surfaces);
+    visit("foothold[h,w]", s.foothold), visit("?headroom[h,w]", s.headroom);
+    visit("beyond[h,w]", s.beyond), visit("surfaces", s.surfaces);
     visit("?first_pass[r,p,c]", s.first_pass), visit("?passes[r,p,c]", s.passes);
     visit("?exponent[r,p,c]", s.exponent), visit("first", s.first);
     visit("wheels[_,3]", s.wheels);
@@ -357,6 +358,10 @@ INLINE Judgement judge_shape(
     add_bump(stance.bump, off.bump, v.clearance, Reason::HIGH_CENTRED);
     add_bump(stance.front, off.front, v.front, Reason::APPROACH);
     add_bump(stance.rear, off.rear, v.rear, Reason::APPROACH);
+    if (stance.headroom.size()) {
+        double room = stance.headroom(i, j) * down;
+        judged.add(Reason::HEADROOM, share_of(v.height, room), shape, true);
+    }
     return judged;
 }
 

@@ -62,7 +62,7 @@ template <class Visit> void visit_arguments(Layout& l, Visit visit) {
 struct Vehicle {
     Layout layout;
     In fit_along, fit_across;
-    double weight, slip, slope_margin, soil_margin, clearance, front, rear, roughness;
+    double weight, slip, slope_margin, soil_margin, clearance, front, rear, height, roughness;
     double go_traction, go_slip, go_torque, go_geometry;
     double crab, go_crab;  // the smallest crab angle that is no-go, rad, and the share that is go
     Matrix<const double> factors;  // of k, by soil and wheel; none where all are 1
@@ -74,7 +74,8 @@ template <class Visit> void visit_arguments(Vehicle& v, Visit visit) {
     visit("weight", v.weight), visit("slip", v.slip);
     visit("slope_margin", v.slope_margin), visit("soil_margin", v.soil_margin);
     visit("clearance", v.clearance);
-    visit("front", v.front), visit("rear", v.rear), visit("roughness", v.roughness);
+    visit("front", v.front), visit("rear", v.rear), visit("height", v.height);
+    visit("roughness", v.roughness);
     visit("go_traction", v.go_traction), visit("go_slip", v.go_slip);
     visit("go_torque", v.go_torque), visit("go_geometry", v.go_geometry);
     visit("crab", v.crab), visit("go_crab", v.go_crab);

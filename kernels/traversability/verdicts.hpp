@@ -27,7 +27,8 @@ enum class Reason : u8 {
     TURNING,
     DRIFT,
     FOOTHOLD,
-    KEEP_OUT
+    KEEP_OUT,
+    HEADROOM
 };
 
 template <class Visit> void visit_enumerators(Verdict, Visit visit) {
@@ -43,7 +44,7 @@ template <class Visit> void visit_enumerators(Reason, Visit visit) {
     visit("TIP_OVER", TIP_OVER), visit("STEP", STEP), visit("HIGH_CENTRED", HIGH_CENTRED);
     visit("APPROACH", APPROACH), visit("ROUGHNESS", ROUGHNESS);
     visit("TURNING", TURNING), visit("DRIFT", DRIFT), visit("FOOTHOLD", FOOTHOLD);
-    visit("KEEP_OUT", KEEP_OUT);
+    visit("KEEP_OUT", KEEP_OUT), visit("HEADROOM", HEADROOM);
 }
 
 // What follows from the measures so far.

@@ -181,6 +181,7 @@ class VehicleText(Struct, frozen=True, rename="camel", kw_only=True):
     track: float | UnsetType = UNSET
     cog: CogText = CogText()
     clearance: float | UnsetType = UNSET
+    height: float | UnsetType = UNSET
     body_width: float | UnsetType = UNSET
     overhang: OverhangText = OverhangText()
     steering: str | UnsetType = UNSET
@@ -365,6 +366,10 @@ VEHICLE_KEYS: dict[Shape, dict[str, Key]] = {
         ),
         "clearance": measure("a clearance", "metres").describe(
             "Height of the body's underside over level ground, m.", 0.13,
+        ),
+        "height": measure("a height", "metres").describe(
+            "Height of all of it over level ground, from the feet of its wheels to its top, m, for "
+            "decks and ceilings above it. Without it, headroom is not judged.", 0.39,
         ),
         "bodyWidth": measure("a width", "metres").describe(
             "Width of the body, m; it may stand out over the wheels or lie between them. Without "

@@ -416,8 +416,19 @@ class Terrain:
         """Columns at points, (n,) each."""
         if self.storeys is None:
             return ColumnRows.of_ground(ColumnGround(*self._samples(x, y)))
+        return self.columns_at(x, y)
+
+    def columns_at(self, x: Floats, y: Floats, *, bare: bool = False) -> ColumnRows:
+        """Columns of a terrain with storeys as rows.
+
+        Args:
+            x: (n,) world positions.
+            y: (n,) world positions.
+            bare: whether ruts and reliefs are left out.
+        """
+        assert self.storeys is not None
         ground = ColumnGround(*self._bare._samples(x, y))
-        return self.storeys.columns(self, x, y, ground)
+        return self.storeys.columns(self._bare if bare else self, x, y, ground)
 
     def surface(self, x: ArrayLike, y: ArrayLike) -> Any:
         """Names of the surfaces at points, a str or an object array; None without a surface."""

@@ -395,6 +395,9 @@ def departures(
     Shapes: ground[_,_,_], offsets[k,3], shifts[k,2], plane[3,h,w], out[h,w].
     """
 
+def find_layer(solids: Any, sheet: int, apart: bool, rise: float, reach: int, out: Any) -> None:
+    """What a layer of driving shows at every pixel."""
+
 def raise_steps(
     supports: NDArray[np.float32],
     pairs: NDArray[np.int64],
@@ -460,7 +463,7 @@ def flood(
     moves: Any,
     direction: int,
     can: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64],
-    turns: NDArray[np.bool_] | None,
+    places: Any,
     fresh: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64],
     reached: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64],
     states: int,
@@ -468,13 +471,13 @@ def flood(
     """
     Spread over what can be driven; over how many states, fewer once all is done.
 
-    Shapes: can[h,w], turns[h,w], fresh[h,w], reached[h,w].
+    Shapes: can[h,w], fresh[h,w], reached[h,w].
     """
 
 def find_parts(
     moves: Any,
     can: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64],
-    turns: NDArray[np.bool_] | None,
+    places: Any,
     fresh: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64],
     reached: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32] | NDArray[np.uint64],
     parts: NDArray[np.int64],
@@ -483,5 +486,5 @@ def find_parts(
     """
     Find the largest part that can be driven both ways; over how many states this went.
 
-    Shapes: can[h,w], turns[h,w], fresh[h,w], reached[h,w], parts[2,3].
+    Shapes: can[h,w], fresh[h,w], reached[h,w], parts[2,3].
     """

@@ -14,7 +14,12 @@ from terratool.traversability.request import Point
 from terratool.traversability.route.barriers import BlockedPlace, RouteSite, blocked_place
 from terratool.traversability.route.graph import drivable, turnable
 from terratool.traversability.route.paths import cell_of
-from terratool.traversability.route.reach import begin_in_largest, connected_cells, heading_bits
+from terratool.traversability.route.reach import (
+    Places,
+    begin_in_largest,
+    connected_cells,
+    heading_bits,
+)
 from terratool.traversability.route.routes import (
     can_stand,
 )
@@ -92,8 +97,8 @@ def _blocked_place(
     headings, at = tiles.survey.headings, part_of(window)
     turns = turnable(tiles.survey, turnings(terrain, prepared.vehicle), at)
     radius = prepared.vehicle.turning_radius / tiles.survey.grid.resolution
-    begin = begin_in_largest(bits, headings, turns=turns, radius=radius)
-    part = connected_cells(bits, headings, begin, turns=turns, radius=radius).returned
+    begin = begin_in_largest(bits, headings, places=Places(turns), radius=radius)
+    part = connected_cells(bits, headings, begin, places=Places(turns), radius=radius).returned
     if not part.any():
         return why
     rows, columns = np.nonzero(part)

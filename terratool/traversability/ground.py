@@ -1,4 +1,7 @@
-"""The ground under a vehicle: heights, surfaces, walls, crests and ruts of a window."""
+"""The ground under a vehicle: heights, surfaces, walls, crests and ruts of a window.
+
+Where a terrain has storeys it is that of a layer, with what is over it.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,7 @@ from terratool.field.walls import WallFinders
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.raster.painter import Painter, Planes
+from terratool.traversability.layers import Layer, LayerGround, LayerPainter
 from terratool.traversability.walls import Gaps, MetWalls, Walls, meet_walls, walls_in_order
 
 Axis = NDArray[np.float64]
@@ -72,6 +76,7 @@ class StanceGround:
         met: walls and trenches that wheels of each size meet at the pairs.
         crests: crests between the centres of pixels.
         ruts: ruts of wheels; None where no pixel has any.
+        layer: what a layer of a terrain with storeys shows; None for ground alone.
     """
 
     heights: NDArray[np.float32]
@@ -82,6 +87,21 @@ class StanceGround:
     met: tuple[MetWalls, ...]
     crests: Crests
     ruts: Ruts | None
+    layer: LayerGround | None = None
+
+
+class _Made(NamedTuple):
+    """A plain terrain and what its crests and walls are found with."""
+
+    terrain: Terrain
+    finders: WallFinders
+    lines: Any
+    weights: Any
+
+    @classmethod
+    def of(cls, terrain: Terrain) -> _Made:
+        arrays = terrain.arrays
+        return cls(terrain, WallFinders(terrain), crest_lines(arrays), curve_weights(arrays))
 
 
 class GroundPainter:
@@ -96,29 +116,63 @@ class GroundPainter:
         least: height below which walls and faces are left out, m.
         slopes: whether slopes are wanted.
         radii: radii of the wheels, m, as in `HeadingFootprint.treads`.
+        layers: painter of the layers of a terrain with storeys; None for others.
     """
 
     def __init__(
-        self, terrain: Terrain, grid: Grid, least: float, slopes: bool, radii: Sequence[float]
-    ) -> None:
+        self, terrain: Terrain, grid: Grid, least: float, slopes: bool, radii: Sequence[float],
+        layers: LayerPainter | None = None,
+    ) -> None:  # fmt: skip
         terrain = terrain.written_out
         self._terrain, self._grid, self._least, self._radii = terrain, grid, least, radii
         self._painter = Painter(terrain, grid, slopes=slopes, labels=True)
-        self._finders = WallFinders(terrain)
-        self._lines = crest_lines(terrain.arrays)
-        self._weights = curve_weights(terrain.arrays)
+        self._layers, sheets = layers, []
+        if layers is not None:
+            sheets = [sheet.top for sheet in layers.storeys.sheets]
+        self._made = [_Made.of(one) for one in (terrain, *sheets)]
+        self._slopes = slopes
 
     def paint(self, window: Window) -> StanceGround:
         """Paint the ground of a window."""
         planes = self._painter.paint(window)
-        assert planes.surfaces is not None and planes.labels is not None
         x, y = self._grid.columns(window), self._grid.rows(window)
-        crests = self._find_crests(x, y, planes.heights)
-        planes, x, y = self._go_on(planes, x, y)
+        crests = self._find_crests(self._made[0], x, y, planes.heights)
+        rows, columns = self._like(x, y)
+        planes = self._go_on(planes, rows, columns)
+        return self._ground(planes, x[columns], y[rows], crests)
+
+    def paint_layer(self, window: Window, layer: Layer) -> StanceGround | None:
+        """Paint what a layer of a terrain with storeys shows in a window; None if it has nothing."""
+        assert self._layers is not None
+        shown = self._layers.find(window, layer)
+        if shown is None:
+            return self.paint(window) if layer == Layer(0, False) else None
+        if not shown.own.any():
+            return None
+        x, y = self._grid.columns(window), self._grid.rows(window)
+        found = []
+        for sheet in np.unique(shown.sheet[shown.sheet >= 0]).tolist():
+            here = shown.sheet == sheet
+            heights = np.where(here, shown.planes.heights, np.float32(np.nan))
+            crests = self._find_crests(self._made[sheet], x, y, heights)
+            kept = here[crests.row, crests.column]
+            found.append([one[kept] for one in crests])
+        joined = Crests(*map(np.concatenate, zip(*found, strict=True))) if found else None
+        rows, columns = self._like(x, y)
+        planes = self._go_on(shown.planes, rows, columns)
+        if not self._slopes:
+            planes = planes._replace(slope_x=None, slope_y=None)
+        shown = shown.part(rows, columns)._replace(planes=planes)
+        return self._ground(planes, x[columns], y[rows], joined or _NO_CRESTS, shown)
+
+    def _ground(
+        self, planes: Planes, x: Axis, y: Axis, crests: Crests, shown: LayerGround | None = None
+    ) -> StanceGround:
+        """The ground of planes that go on beyond the rim, at the places they are like."""
         heights = planes.heights
         assert planes.surfaces is not None and planes.labels is not None
         pairs, same = _rises(heights, planes.labels, self._least, self._grid.resolution)
-        walls = self._find_walls(x, y, pairs[~same])
+        walls = self._find_walls(x, y, pairs[~same], shown)
         steep = _rise(heights, pairs) > STEEP * self._grid.resolution
         kept, met = steep.copy(), []
         for radius in self._radii:
@@ -141,53 +195,73 @@ class GroundPainter:
                 MetWalls(here.jumps[kept], Gaps(*(plane[kept] for plane in here.gaps)))
                 for here in met
             ),
-            crests, self._find_ruts(x, y, planes.surfaces),
+            crests, self._find_ruts(x, y, planes.surfaces, shown), shown,
         )  # fmt: skip
 
-    def _go_on(self, planes: Planes, x: Axis, y: Axis) -> tuple[Planes, Axis, Axis]:
-        """Let the ground go on beyond the rim, level away from it; with the places it is like."""
+    def _like(self, x: Axis, y: Axis) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows and columns on the terrain that those of a window are like, beyond the rim, too."""
         columns, rows = map(_nearest_inside, inside_of(self._terrain, x, y))
-        if columns is None and rows is None:
-            return planes, x, y
         columns = np.arange(len(x)) if columns is None else columns
-        rows = np.arange(len(y)) if rows is None else rows
+        return np.arange(len(y)) if rows is None else rows, columns
+
+    def _go_on(
+        self, planes: Planes, rows: NDArray[np.int64], columns: NDArray[np.int64]
+    ) -> Planes:
+        """Let the ground go on beyond the rim, level away from it."""
+        if _is_all(rows) and _is_all(columns):
+            return planes
         like = np.ix_(rows, columns)
         slope_x, slope_y = planes.slope_x, planes.slope_y
         if slope_x is not None and slope_y is not None:
             slope_x, slope_y = slope_x[like], slope_y[like]
-            slope_x[:, columns != np.arange(len(x))] = 0.0
-            slope_y[rows != np.arange(len(y))] = 0.0
+            slope_x[:, columns != np.arange(len(columns))] = 0.0
+            slope_y[rows != np.arange(len(rows))] = 0.0
         assert planes.surfaces is not None and planes.labels is not None
         heights, surfaces, labels = (
             np.ascontiguousarray(plane[like])
             for plane in (planes.heights, planes.surfaces, planes.labels)
         )
-        return Planes(heights, surfaces, slope_x, slope_y, labels), x[columns], y[rows]
+        return Planes(heights, surfaces, slope_x, slope_y, labels)
 
-    def _find_ruts(self, x: Axis, y: Axis, surfaces: NDArray[Any]) -> Ruts | None:
+    def _find_ruts(
+        self, x: Axis, y: Axis, surfaces: NDArray[Any], shown: LayerGround | None
+    ) -> Ruts | None:
         """Find the ruts at the centres of pixels; None where no pixel has any."""
         found = Ruts(*np.empty((3, *surfaces.shape), np.float32))
         south_up = np.ascontiguousarray(y[::-1])
         any_there = kernels.find_ruts(self._terrain.field, x, south_up, surfaces, *found)
+        if any_there and shown is not None:
+            for plane in found:
+                plane[~shown.pressed] = 0.0
         return found if any_there else None
 
-    def _find_crests(self, x: Axis, y: Axis, heights: NDArray[np.float32]) -> Crests:
+    def _find_crests(self, of: _Made, x: Axis, y: Axis, heights: NDArray[np.float32]) -> Crests:
         """Find the crests in pixels, which need not be beyond the rim."""
         return Crests(
             *kernels.find_crests(
-                self._terrain.field, self._lines, self._weights, x, y, self._grid.resolution,
+                of.terrain.field, of.lines, of.weights, x, y, self._grid.resolution,
                 LOW_CREST * min(self._radii), heights,
             )
         )  # fmt: skip
 
-    def _find_walls(self, x: Axis, y: Axis, pairs: NDArray[np.int64]) -> Walls:
+    def _find_walls(
+        self, x: Axis, y: Axis, pairs: NDArray[np.int64], shown: LayerGround | None
+    ) -> Walls:
         """Find up to `_WALLS` walls between the pixels of each pair."""
         places, jumps = np.empty((len(pairs), _WALLS)), np.zeros((len(pairs), _WALLS))
-        if len(pairs):
-            with self._finders.one() as finder:
+        groups: list[tuple[int, Any]] = [(0, np.s_[:])] if len(pairs) else []
+        if shown is not None:
+            places, jumps = _walls_amid(x, y, pairs, shown.planes.heights, _WALLS)
+            one, other = (shown.sheet.reshape(-1)[n] for n in _ends(pairs, len(x)))
+            alike = np.where(one == other, one, -1)
+            groups = [(n, np.flatnonzero(alike == n)) for n in np.unique(alike[alike >= 0])]
+        for sheet, at in groups:
+            part = pairs[at], np.empty_like(places[at]), np.zeros_like(jumps[at])
+            with self._made[sheet].finders.one() as finder:
                 kernels.walls_between(
-                    finder, pairs, x, y, self._grid.resolution, 0.5 * self._least, places, jumps,
-                )  # fmt: skip
+                    finder, part[0], x, y, self._grid.resolution, 0.5 * self._least, *part[1:]
+                )
+            places[at], jumps[at] = part[1:]
         return walls_in_order(pairs, len(x), places, jumps, self._grid.resolution)
 
 
@@ -195,6 +269,11 @@ def inside_of(terrain: Terrain, x: Axis, y: Axis) -> tuple[NDArray[np.bool_], ND
     """Whether columns at x, and rows at y, lie on the terrain, (n,) bool each."""
     west, south, east, north = terrain.bounds
     return (x >= west) & (x <= east), (y >= south) & (y <= north)
+
+
+def _is_all(index: NDArray[np.int64]) -> bool:
+    """Whether an index along an axis is that of all in order."""
+    return bool((index == np.arange(len(index))).all())
 
 
 def _nearest_inside(inside: NDArray[np.bool_]) -> NDArray[np.int64] | None:
@@ -223,6 +302,30 @@ def _rises(
 
 def _rise(heights: NDArray[np.float32], pairs: NDArray[np.int64]) -> NDArray[np.float32]:
     """Height differences of the pixels of pairs, m, without sign."""
-    flat, pixel = heights.reshape(-1), pairs >> 1
-    other = pixel + np.where(pairs & 1, heights.shape[1], 1)
+    flat = heights.reshape(-1)
+    pixel, other = _ends(pairs, heights.shape[1])
     return np.asarray(np.abs(flat[other] - flat[pixel]), np.float32)
+
+
+def _ends(pairs: NDArray[np.int64], width: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Indices of both pixels of pairs, in windows of a width."""
+    pixel = pairs >> 1
+    return pixel, pixel + np.where(pairs & 1, width, 1)
+
+
+def _walls_amid(
+    x: Axis, y: Axis, pairs: NDArray[np.int64], heights: NDArray[np.float32], most: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A wall of all that pixels of pairs differ by, amid each; for tops of different sheets."""
+    places, jumps = np.zeros((len(pairs), most)), np.zeros((len(pairs), most))
+    one, other = _ends(pairs, len(x))
+    flat, down = heights.reshape(-1).astype(np.float64), (pairs & 1) == 1
+    rise = np.where(down, flat[one] - flat[other], flat[other] - flat[one])
+    column, row, below = one % len(x), one // len(x), other // len(x)
+    along = 0.5 * (x[column] + x[other % len(x)])
+    places[:, 0] = np.where(down, 0.5 * (y[row] + y[below]), along)
+    jumps[:, 0] = rise
+    return places, jumps
+
+
+_NO_CRESTS = Crests(*np.empty((2, 0), np.int64), *np.empty((3, 0), np.float32))

@@ -21,13 +21,14 @@ from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, window_name
 from terratool.raster.painter import id_type
 from terratool.tasks import Work
 from terratool.traversability.fineness import coarsest_resolution
+from terratool.traversability.layers import copy_from_owners, rings
 from terratool.traversability.map_files import MapBands, MapFiles, empty_bands, further_bands
 from terratool.traversability.map_results import CHANCE_BOUNDS, LargestPart, MapSummary, Preview
 from terratool.traversability.route.reach import (
     Bits,
     Connected,
-    Turns,
-    begin_from,
+    Places,
+    begin_at,
     begin_in_largest,
     bits_type,
     can_turn_back,
@@ -92,6 +93,8 @@ def map_bands(measures: WindowMeasures, inside: NDArray[np.bool_]) -> MapBands:
     reserve_band = numbers[-4]
     reserve_band[reserve_band >= np.float32(math.pi)] = np.nan
     np.degrees(reserve_band, out=reserve_band)
+    if measures.headroom is not None:
+        numbers = np.concatenate([numbers, np.fmin.reduce(measures.headroom)[None]])
     if measures.foothold is not None:
         numbers = np.concatenate([numbers, (1.0 - measures.foothold)[None]])
     if measures.chance is not None:
@@ -149,6 +152,8 @@ class WindowParts(NamedTuple):
         bits: headings with which the vehicle drives, as bits.
         onward: the same if the ground went on beyond the rim.
         heights: (rows, columns) float32 heights of the pixels of the preview in the window, m.
+        own: bool, whether a layer has them; None on terrains without storeys.
+        shown: int16 sheet that a layer shows; None on terrains without storeys.
     """
 
     bands: MapBands
@@ -157,6 +162,8 @@ class WindowParts(NamedTuple):
     bits: Bits
     onward: Bits
     heights: NDArray[np.float32]
+    own: NDArray[np.bool_] | None = None
+    shown: NDArray[np.int16] | None = None
 
     @classmethod
     def of(cls, surveyor: Surveyor, window: Window, measures: WindowMeasures) -> WindowParts:
@@ -165,15 +172,19 @@ class WindowParts(NamedTuple):
         drives = (measures.verdict == Verdict.GO) | (measures.verdict == Verdict.CAUTION)
         drives &= np.isfinite(measures.numbers[:, kernels.ENERGY])
         stride = _stride(surveyor.grid)
-        rows, columns = _thinned(window, stride)
-        at = np.ix_(rows * stride - window.row, columns * stride - window.column)
+        _, flat = surveyor.stack.split(window)
+        rows, columns = _thinned(flat, stride)
+        at = np.ix_(rows * stride - flat.row, columns * stride - flat.column)
+        inside = surveyor.is_inside(window) if measures.own is None else measures.own
         return cls(
-            map_bands(measures, surveyor.is_inside(window)),
+            map_bands(measures, inside),
             ground,
             measures.surfaces,
             heading_bits(drives & ground),
             heading_bits((measures.onward != 0) & ground),
             measures.heights[at],
+            measures.own,
+            measures.shown,
         )
 
 
@@ -194,6 +205,8 @@ def _thinned(window: Window, stride: int) -> tuple[NDArray[np.int64], NDArray[np
 class MapBuilder:
     """A map that is built from windows, in any order.
 
+    On a terrain with storeys arrays have all layers, one below the other.
+
     Memory is 6 bytes for each pixel, two bytes more for over 8 headings; 73 bytes where all bands
     are kept, and 4 more where soils are sampled.
 
@@ -208,11 +221,15 @@ class MapBuilder:
         self, terrain: Terrain, surveyor: Surveyor, keep: bool, turns: Sequence[Turning] = ()
     ) -> None:
         grid = surveyor.grid
-        flat = (grid.height, grid.width)
-        self._surveyor = surveyor
+        self.stack = surveyor.stack
+        flat = self.stack.shape
+        self.surveyor = surveyor
         self.terrain, self.grid, self.headings = terrain, grid, surveyor.headings
         self.sampled = surveyor.uncertainty is not None
-        self.further = further_bands(walks=surveyor.vehicle.feet is not None, sampled=self.sampled)
+        self.further = further_bands(
+            roofed=self.stack.layers > 1, walks=surveyor.vehicle.feet is not None,
+            sampled=self.sampled,
+        )  # fmt: skip
         self.kept = empty_bands(flat, self.further) if keep else None
         self.chance = np.full(flat, np.nan, np.float32) if self.sampled else None
         self.reason = np.zeros(flat, np.uint8)
@@ -222,13 +239,14 @@ class MapBuilder:
         self.bits, self.onward = np.zeros((2, *flat), bits_type(self.headings))
         self._able = np.array([turn.possible for turn in turns], np.bool_)
         self._stride = _stride(grid)
-        self._heights = np.full(
-            tuple(-(-side // self._stride) for side in flat), np.nan, np.float32
-        )
+        size = tuple(-(-side // self._stride) for side in (grid.height, grid.width))
+        self._heights = np.full((self.stack.layers, *size), np.nan, np.float32)
+        self.own = np.zeros(flat, np.bool_) if self.stack.layers > 1 else None
+        self._shown = np.full(flat, -1, np.int16) if self.stack.layers > 1 else None
 
     def take(self, window: Window, measures: WindowMeasures) -> None:
         """Add the measures of a window to the map."""
-        self.add(window, WindowParts.of(self._surveyor, window, measures))
+        self.add(window, WindowParts.of(self.surveyor, window, measures))
 
     def add(self, window: Window, parts: WindowParts) -> None:
         """Add what a map keeps of a window."""
@@ -242,7 +260,10 @@ class MapBuilder:
         if self.kept is not None:
             for whole, pixels in zip(self.kept, bands, strict=True):
                 whole[:, *part] = pixels
-        self._heights[np.ix_(*_thinned(window, self._stride))] = parts.heights
+        number, flat_window = self.stack.split(window)
+        self._heights[number][np.ix_(*_thinned(flat_window, self._stride))] = parts.heights
+        if self.own is not None and self._shown is not None:
+            self.own[part], self._shown[part] = parts.own, parts.shown
 
     def bands(self, window: Window) -> MapBands:
         """Bands of a window that were kept."""
@@ -253,17 +274,35 @@ class MapBuilder:
     def preview(self, classes: NDArray[np.uint8]) -> Preview:
         """The map for a picture, thinned by a stride from the north-west."""
         grid, stride = self.grid, self._stride
-        size, (height, width) = grid.resolution * stride, self._heights.shape
-        north = grid.bounds[3]
+        size, (_, height, width) = grid.resolution * stride, self._heights.shape
+        north, heights = grid.bounds[3], self._heights[0]
+        planes = [classes, self.worst_classes(classes), self.bits | self.onward]
+        if self.own is not None:
+            heights = heights.copy()
+            planes = [self.lowest(plane) for plane in planes]
+            for layer in self._heights[1:]:
+                np.copyto(heights, layer, where=np.isnan(heights))
+        classes, worst, bits = (plane[::stride, ::stride] for plane in planes)
         return Preview(
             Grid(grid.west, north - height * size, size, height, width),
-            self._heights,
-            classes[::stride, ::stride],
+            heights,
+            classes,
             "" if self.terrain.crs is None else shown_crs(self.terrain.crs).strip('"'),
-            self.worst_classes(classes)[::stride, ::stride],
-            (self.bits | self.onward)[::stride, ::stride],
+            worst,
+            bits,
             self.headings,
         )
+
+    def lowest(self, plane: NDArray[Any]) -> NDArray[Any]:
+        """Values of the lowest top at each pixel of the grid, from those of all layers."""
+        assert self.own is not None
+        layers, own = self.stack.parts(plane), self.stack.parts(self.own)
+        # where the ground has no top a floor or a deck that it is one with lies lowest
+        found, known = layers[0].copy(), own[0] & self.stack.parts(self.ground)[0]
+        for layer, mine in zip(layers[1:], own[1:], strict=True):
+            here = mine & ~known
+            found[here], known = layer[here], known | here
+        return found
 
     def worst_classes(self, classes: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Classes with the verdict of the worst heading where they are verdicts of the best."""
@@ -285,11 +324,16 @@ class MapBuilder:
         """
         floods = 5 if begin is None else 4
         tell = (lambda more: progress(more / floods)) if progress else None
-        turns, first = self._turns(), begin
-        radius = self._surveyor.vehicle.turning_radius / self.grid.resolution
+        places, first = self._places(), begin
+        bits, onward = self.bits, self.onward
+        if self.own is not None:
+            bits, onward = self._copied(bits), self._copied(onward)
+        radius = self.surveyor.vehicle.turning_radius / self.grid.resolution
         if first is None:
-            first = begin_in_largest(self.bits, self.headings, tell, turns, radius)
-        found = connected_cells(self.bits, self.headings, first, tell, turns, radius)
+            first = begin_in_largest(bits, self.headings, tell, places, radius)
+        found = connected_cells(bits, self.headings, first, tell, places, radius)
+        if self.own is not None:
+            found = Connected(found.reached & self.own, found.returned & self.own)
         classes = self.verdict.copy()
         drives = self.bits != 0
         least = area / self.grid.resolution**2
@@ -304,17 +348,27 @@ class MapBuilder:
         edge = self.ground & (self.verdict == Verdict.NO_GO) & (self.reason == Reason.EDGE)
         classes[edge] = GroundClass.EDGE
         barred = (self.onward != 0) & (classes > GroundClass.CAUTION) & ~edge
-        if found.returned.any() and (self.onward != self.bits).any() and barred.any():
+        if found.returned.any() and (onward != bits).any() and barred.any():
             # nothing but the end of the file bars what is reached if the ground goes on there
-            more = connected_cells(self.onward, self.headings, first, tell, turns, radius)
+            more = connected_cells(onward, self.headings, first, tell, places, radius)
             classes[barred & more.returned] = GroundClass.EDGE
         elif tell:
             tell(2.0)
         return classes, found
 
-    def _turns(self) -> Turns:
-        """Pixels where the vehicle can turn on the spot, (height, width) bool; None for all."""
-        return None if self._able.all() else self._able[self.surfaces]
+    def _copied(self, plane: NDArray[Any]) -> NDArray[Any]:
+        """Values of all layers, with those of what each layer shows of others."""
+        assert self.own is not None and self._shown is not None
+        return copy_from_owners(plane, self.own, self._shown, self.stack)
+
+    def _places(self) -> Places:
+        """Pixels where the vehicle can turn on the spot, and those that are the same place."""
+        turns = None if self._able.all() else self._able[self.surfaces]
+        if self._shown is None:
+            return Places(turns)
+        return Places(
+            None if turns is None else self._copied(turns), rings(self._shown, self.stack)
+        )
 
     def counted(self, classes: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """Pixels that count in shares of the ground: those with ground, but EDGE."""
@@ -325,8 +379,8 @@ class MapBuilder:
         """The largest part, from the connected ground that was found; None where there is none."""
         if not found.returned.any():
             return None
-        row, column = place_in(self.bits, self.headings, found, self._turns())
-        window = Window(row, column, 1, 1)
+        row, column = place_in(self.bits, self.headings, found, self._places())
+        _, window = self.stack.split(Window(row, column, 1, 1))
         x, y = self.grid.columns(window)[0], self.grid.rows(window)[0]
         share = np.count_nonzero(found.returned & counted) / np.count_nonzero(counted)
         return LargestPart((float(x), float(y)), share)
@@ -387,7 +441,7 @@ def stream_map(
     progress: Callable[[int], object] | None = None,
 ) -> None:
     """Judge a grid tile by tile: give each to the builder, and its bands to the files."""
-    tiles = list(builder.grid.windows(TILE, TILE))
+    tiles = list(builder.stack.windows(TILE, TILE))
     work = Work(_judge_tile, surveyor, name=window_name)
     with contextlib.closing(crew.run(work, tiles)) as judged:
         for window, found in zip(tiles, judged, strict=True):
@@ -413,6 +467,9 @@ def _judge_tile(surveyor: Surveyor, window: Window) -> list[tuple[Window, Window
     ]
 
 
-def begin_of(builder: MapBuilder, start: tuple[float, float] | None) -> Bits | None:
+def begin_of(builder: MapBuilder, start: tuple[float, ...] | None) -> Bits | None:
     """States at a start from which the vehicle sets out, headings as bits; None for no start."""
-    return None if start is None else begin_from(builder.bits, builder.terrain, builder.grid, start)
+    if start is None:
+        return None
+    cell = builder.surveyor.cell_of(start)
+    return np.zeros_like(builder.bits) if cell is None else begin_at(builder.bits, cell)

@@ -59,8 +59,10 @@ _NUMBERS = {
 }
 NUMBERS = Bands(tuple(_NUMBERS), tuple(_NUMBERS.values()), np.dtype(np.float32))
 """Slopes are positive nose up and left side up."""
+HEADROOM = "headroom, least"
 FOOTHOLD, CHANCE = "foothold margin", "probability of go, best heading"
-"""Bands that follow `NUMBERS`: of vehicles on feet, and where figures of soils are ranges."""
+"""Bands that follow `NUMBERS`: on terrains with storeys, of vehicles on feet, and where figures of
+soils are ranges."""
 
 _SUFFIXES = ("", "-worst", "-headings", "-classes", "-numbers")
 """Endings of the stems of a map's files, in the order of `_files`."""
@@ -74,13 +76,19 @@ def _files(further: Sequence[str], headings: int) -> tuple[Bands, ...]:
 
 def _numbers(further: Sequence[str]) -> Bands:
     """`NUMBERS`, and what follows them."""
-    units = (*NUMBERS.units, *("1" for _ in further))
+    units = (*NUMBERS.units, *("m" if name == HEADROOM else "1" for name in further))
     return Bands((*NUMBERS.names, *further), units, NUMBERS.dtype)
 
 
-def further_bands(*, walks: bool, sampled: bool) -> tuple[str, ...]:
-    """Names of bands that follow `NUMBERS`, for a vehicle that `walks`, and `sampled` soils."""
-    return (FOOTHOLD,) * walks + (CHANCE,) * sampled
+def further_bands(*, walks: bool, sampled: bool, roofed: bool = False) -> tuple[str, ...]:
+    """Names of bands that follow `NUMBERS`.
+
+    Args:
+        walks: whether the vehicle walks.
+        sampled: whether soils are sampled.
+        roofed: whether the terrain has storeys.
+    """
+    return (HEADROOM,) * roofed + (FOOTHOLD,) * walks + (CHANCE,) * sampled
 
 
 class MapBands(NamedTuple):

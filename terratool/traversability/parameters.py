@@ -40,6 +40,7 @@ class VehicleParams(NamedTuple):
         slope_margin: margin of slopes, rad.
         soil_margin: further margin of slopes on soft soil, rad.
         clearance, front, rear: room for ground and sinkage under the body and its overhangs, m.
+        height: least height of what is over the vehicle, m; 0 where its height is not known.
         roughness: largest roughness, m.
         go_traction, go_slip, go_torque, go_geometry: largest shares of limits that are go.
         crab: smallest crab angle that is no-go, rad.
@@ -57,6 +58,7 @@ class VehicleParams(NamedTuple):
     clearance: float
     front: float
     rear: float
+    height: float
     roughness: float
     go_traction: float
     go_slip: float
@@ -88,6 +90,7 @@ def vehicle_params(vehicle: Vehicle, factors: NDArray[np.float64] | None = None)
         clearance=vehicle.clearance - margins.clearance,
         front=vehicle.front.height - margins.clearance,
         rear=vehicle.rear.height - margins.clearance,
+        height=0.0 if vehicle.height is None else vehicle.height + margins.clearance,
         roughness=_roughest(vehicle),
         go_traction=limits.utilisation, go_slip=limits.slip / slip,
         go_torque=limits.torque, go_geometry=limits.geometry,

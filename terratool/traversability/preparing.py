@@ -81,7 +81,8 @@ class PreparedRequest:
     def extent(self) -> MapExtent:
         """Pixels, bands and headings of the map."""
         walks, sampled = self.vehicle.feet is not None, self.surveyor.uncertainty is not None
-        further = further_bands(walks=walks, sampled=sampled)
+        roofed = self.terrain.storeys is not None
+        further = further_bands(walks=walks, sampled=sampled, roofed=roofed)
         return MapExtent(self.grid, further, self.surveyor.headings)
 
     @property

@@ -14,6 +14,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window
+from terratool.raster.painter import id_type
 from terratool.traversability.fineness import parts_of
 from terratool.traversability.footholds import foothold_search
 from terratool.traversability.footprint import (
@@ -21,7 +22,8 @@ from terratool.traversability.footprint import (
     VehicleFootprint,
     vehicle_footprint,
 )
-from terratool.traversability.ground import GroundPainter, inside_of
+from terratool.traversability.ground import STEEP, GroundPainter, inside_of
+from terratool.traversability.layers import LayerPainter, Stack, sheet_of, sheet_of_elements
 from terratool.traversability.height_error import HeightError, block_shifts, footprint_errors
 from terratool.traversability.keep_out import KeptOut, Zone
 from terratool.traversability.map_results import HEADINGS, MOST_HEADINGS
@@ -31,6 +33,7 @@ from terratool.traversability.parameters import (
     soil_table,
     vehicle_params,
 )
+from terratool.traversability.route.paths import cell_of
 from terratool.traversability.sweep import Sweep, SweepPlan
 from terratool.traversability.vehicle import Vehicle
 from terratool.traversability.verdicts import RANKS, Reason, Verdict
@@ -38,6 +41,8 @@ from terratool.traversability.verdicts import RANKS, Reason, Verdict
 _LEAST = 0.02
 """Height below which walls are roughness, in radii of the smallest wheel."""
 
+_MOST_MOVE = 16
+"""Rows that no move leads farther than, but for arcs."""
 _WINDOW = (128, 512)
 """Most rows and columns of a window that is measured at once."""
 _FINE_PIXELS = 1 << 22
@@ -90,6 +95,10 @@ class WindowMeasures:
         chance: (height, width) float32 share of the samples on which some heading is go; None where
             nothing is sampled.
         load: uint8 index of the vehicle's load that binds; None where it has no different loads.
+        headroom: float32 height of what is over the vehicle above its plane, m; infinity under the
+            sky. None on terrains without storeys, as are `own` and `shown`.
+        own: (height, width) bool, pixels whose tops are those of the layer.
+        shown: (height, width) int16 sheet of the top that is driven on from these; -1 for none.
     """
 
     heights: NDArray[np.float32]
@@ -105,6 +114,9 @@ class WindowMeasures:
     foothold: NDArray[np.float32] | None = None
     chance: NDArray[np.float32] | None = None
     load: NDArray[np.uint8] | None = None
+    headroom: NDArray[np.float32] | None = None
+    own: NDArray[np.bool_] | None = None
+    shown: NDArray[np.int16] | None = None
 
 
 class Stance(NamedTuple):
@@ -124,6 +136,8 @@ class Stance(NamedTuple):
         step: (height, width) float32 highest step ahead of the wheels, m.
         foothold: (height, width) float32 largest share that the chosen footholds take of their
             limits; 0 for wheels and tracks.
+        headroom: (height, width) float32 height above the plane of what is over the vehicle, m;
+            None on terrains without storeys.
         beyond: (height, width) bool, whether the vehicle reaches beyond the terrain.
         surfaces: (rows, phases, columns) surfaces of the ground, index and one.
         first_pass, passes, exponent: (rows, phases, columns) `Ruts` of the ground; None for none.
@@ -138,6 +152,7 @@ class Stance(NamedTuple):
     rough: NDArray[np.float32]
     step: NDArray[np.float32]
     foothold: NDArray[np.float32]
+    headroom: NDArray[np.float32] | None
     beyond: NDArray[np.bool_]
     surfaces: NDArray[Any]
     first_pass: NDArray[np.float32] | None
@@ -177,6 +192,8 @@ def refuse_headings(headings: int) -> None:
 class Surveyor:
     """A surveyor that measures windows of a grid; several threads may use it at a time.
 
+    On a terrain with storeys windows are those of all layers, one below the other: `stack`.
+
     Args:
         terrain: the ground.
         vehicle: a vehicle, or a wheel by itself.
@@ -209,7 +226,15 @@ class Surveyor:
         )
         slopes = vehicle.wheelbase == 0.0 or vehicle.track_width == 0.0
         radii = [tread.radius for tread in self._footprint.by_heading[0].treads]
-        self._painter = GroundPainter(terrain, self._fine, _LEAST * radii[0], slopes, radii)
+        layers = None
+        if terrain.storeys is not None:
+            rise = self.highest_step + STEEP * self._fine.resolution
+            layers = LayerPainter(
+                terrain.written_out, self._fine, rise, self._footprint.halo
+            )
+        self._painter = GroundPainter(
+            terrain, self._fine, _LEAST * radii[0], slopes, radii, layers
+        )
         if isinstance(uncertainty, SoilSamples):
             uncertainty = Uncertainty((uncertainty,))
         self._plan = SweepPlan(
@@ -232,6 +257,49 @@ class Surveyor:
                 sampled = kernels.VehicleOnSamples(params, uncertainty.soils[number])
             self._loads.append(_OnSoils(on_soils, sampled))
 
+    @property
+    def stack(self) -> Stack:
+        """Layers of driving; the ground alone on a terrain without storeys."""
+        sheets = 1 if self.terrain.storeys is None else 1 + len(self.terrain.storeys.sheets)
+        # no move leads farther
+        gap = _MOST_MOVE + math.ceil(self.vehicle.turning_radius / self.grid.resolution)
+        return Stack(self.grid, sheets, gap)
+
+    @property
+    def highest_step(self) -> float:
+        """Highest step that the vehicle gets up on any surface of the terrain, m."""
+        types = self.terrain.surface_types
+        solid = [False, *(types[name].void is not True for name in self.terrain.surfaces)]
+        known = solid if any(solid) else [True] * len(solid)
+        steps = [soil_table(self.terrain, case)[1][known] for case in self.vehicle.cases]
+        return float(max(one.max() for one in steps))
+
+    def cell_of(self, place: tuple[float, ...]) -> tuple[int, int] | None:
+        """Row in all layers and column of the pixel that holds a place; None without ground.
+
+        A place of three has the top that is nearest to its z, one of two the lowest.
+        """
+        x, y, *z = place
+        row, column = cell_of(self.grid, x, y)
+        if self.terrain.storeys is None:
+            return None if math.isnan(self.terrain.height(x, y)) else (row, column)
+        window = Window(row, column, 1, 1)
+        rows = self.terrain.written_out.columns_at(self.grid.columns(window), self.grid.rows(window))
+        count = int(rows.held[0])
+        if not count:
+            return None
+        top = int(np.argmin(abs(rows.top[0, :count] - z[0]))) if z else 0
+        sheets = sheet_of_elements(self.terrain.written_out)
+        bare = self.terrain.written_out.columns_at(
+            self.grid.columns(window), self.grid.rows(window), bare=True
+        )
+        sheet = int(sheet_of(sheets, bare.element[0])[top])
+        for number in (sheet, self.stack.sheets + sheet):
+            sweep = self._sweep_of(window, number)
+            if sweep is not None and sweep.layer[0].all():
+                sheet = number
+        return row + sheet * self.stack.pitch, column
+
     def __reduce__(self) -> tuple[Any, ...]:
         return Surveyor, (
             self.terrain, self.vehicle, self.grid, self.headings, self.uncertainty, self.zones,
@@ -244,15 +312,22 @@ class Surveyor:
 
     def measure(self, window: Window, *, sampled: bool = True) -> WindowMeasures:
         """Measure a window of the grid; with the probability of go, if that is `sampled`."""
-        sweep = self._sweep_of(window)
+        number, window = self.stack.split(window)
+        sweep = self._sweep_of(window, number)
         flat = (window.height, window.width)
         deep = (self.headings, *flat)
+        if sweep is None:
+            return self._nothing(flat)
         numbers = np.empty((self.headings, kernels.PLANES, *flat), np.float32)
         verdict, reason, onward = np.empty((3, *deep), np.uint8)
         step, rough, clearance, overhang = np.empty((4, *deep), np.float32)
         load = np.zeros(deep, np.uint8) if len(self._loads) > 1 else None
         go = self._no_samples(flat) if sampled else None
+        layered = self.terrain.storeys is not None
+        headroom = np.full(deep, np.inf, np.float32) if layered else None
         for heading, stance in self._stances(sweep, window):
+            if headroom is not None and stance.headroom is not None:
+                headroom[heading] = stance.headroom
             rough[heading], step[heading] = stance.rough, stance.step
             out = Verdicts(verdict[heading], reason[heading], onward[heading], numbers[heading])
             binding = self._judge(heading, stance, window, out, go)
@@ -263,6 +338,24 @@ class Surveyor:
         return WindowMeasures(
             sweep.heights, sweep.surfaces, verdict, reason, onward, numbers, step, rough, clearance,
             overhang, sweep.own_footholds, None if go is None else self._shares(go), load,
+            headroom, *(sweep.layer if layered else (None, None)),
+        )  # fmt: skip
+
+    def _nothing(self, flat: tuple[int, int]) -> WindowMeasures:
+        """Measures of a window in which a layer has nothing."""
+        deep = (self.headings, *flat)
+        none, zero = np.full(deep, np.nan, np.float32), np.zeros(deep, np.uint8)
+        nowhere = np.full(flat, np.nan, np.float32)
+        numbers = np.full((self.headings, kernels.PLANES, *flat), np.nan, np.float32)
+        for plane in (kernels.UTILISATION, kernels.ENERGY):
+            numbers[:, plane] = np.inf
+        return WindowMeasures(
+            nowhere, np.zeros(flat, id_type(self.terrain)), np.full(deep, Verdict.NO_GO, np.uint8),
+            np.full(deep, Reason.NO_GROUND, np.uint8), zero, numbers, none, none, none, none,
+            None if self._plan.footholds is None else nowhere,
+            None if self.uncertainty is None else nowhere,
+            zero if len(self._loads) > 1 else None, none, np.zeros(flat, np.bool_),
+            np.full(flat, -1, np.int16),
         )  # fmt: skip
 
     def footholds(self) -> NDArray[np.float32]:
@@ -281,8 +374,9 @@ class Surveyor:
             )
         out = np.empty((self.grid.height, self.grid.width), np.float32)
         for window in self.windows(self.grid.whole):
-            found = self._sweep_of(window).own_footholds
-            assert found is not None
+            sweep = self._sweep_of(window)
+            assert sweep is not None and sweep.own_footholds is not None
+            found = sweep.own_footholds
             rows = slice(window.row, window.row + window.height)
             out[rows, window.column : window.column + window.width] = found
         return out
@@ -295,14 +389,17 @@ class Surveyor:
         Returns:
             (headings, height, width, words) uint64, one bit for each sample.
         """
+        number, window = self.stack.split(window)
         flat = (window.height, window.width)
         none = self._no_samples(flat)
         if none is None:
             return None
+        sweep = self._sweep_of(window, number)
+        assert sweep is not None
         marked = {heading: none.copy() for heading in headings}
         verdict, reason, onward = np.empty((3, *flat), np.uint8)
         out = Verdicts(verdict, reason, onward, np.empty((kernels.PLANES, *flat), np.float32))
-        for heading, stance in self._stances(self._sweep_of(window), window, headings):
+        for heading, stance in self._stances(sweep, window, headings):
             self._judge(heading, stance, window, out, marked[heading])
         return np.array(list(marked.values()))
 
@@ -389,9 +486,16 @@ class Surveyor:
         kernels.count_samples(go, counts)
         return (counts / self.uncertainty.samples).astype(np.float32)
 
-    def _sweep_of(self, window: Window) -> Sweep:
-        """The ground of a window and the halo around it, for sweeps."""
-        ground = self._painter.paint(self._plan.around(window))
+    def _sweep_of(self, window: Window, number: int = 0) -> Sweep | None:
+        """The ground of a window of a layer and the halo around it; None where it has nothing."""
+        around, stack = self._plan.around(window), self.stack
+        if stack.layers == 1:
+            ground = self._painter.paint(around)
+        else:
+            found = self._painter.paint_layer(around, stack.layer(number))
+            if found is None:
+                return None
+            ground = found
         return Sweep(self._plan, ground, self.is_inside(window))
 
     def _stances(
@@ -419,7 +523,7 @@ class Surveyor:
                     plane, bump,
                     sweep.bump(footprint, footprint.front, plane),
                     sweep.bump(footprint, footprint.rear, plane),
-                    rough, step, foothold,
+                    rough, step, foothold, sweep.headroom(footprint, plane),
                     self._reaches_beyond(window, heading),
                     sweep.ids, *sweep.ruts, sweep.first, sweep.phases_of(footprint.wheels),
                 )  # fmt: skip
@@ -443,6 +547,7 @@ class Surveyor:
 
     def is_inside(self, window: Window) -> NDArray[np.bool_]:
         """Whether the centres of pixels of the grid lie on the terrain, (height, width) bool."""
+        _, window = self.stack.split(window)
         x, y = inside_of(self.terrain, self.grid.columns(window), self.grid.rows(window))
         return np.asarray(y[:, None] & x)
 

@@ -105,7 +105,9 @@ class Sweep:
         ids: (rows, phases, columns) surfaces of the ground, index and one.
         ruts: members of `Ruts`, (rows, phases, columns) each; None where there are none.
         surfaces: (height, width) surfaces at the reference points.
-        heights: (height, width) float32 heights at the reference points, m; NaN for no ground.
+        heights: (height, width) float32 heights at the reference points, m; NaN for no ground, and
+            where it is not of the layer.
+        layer: `own` and `shown` of `WindowMeasures`.
     """
 
     def __init__(self, plan: SweepPlan, ground: StanceGround, inside: NDArray[np.bool_]) -> None:
@@ -115,6 +117,8 @@ class Sweep:
         self.first = self._parts * self._halo + self._parts // 2
         self._heights = self._to_phases(ground.heights)
         self.ids = self._to_phases(ground.surfaces)
+        shown = ground.layer
+        self._ceilings = None if shown is None else self._to_phases(-shown.ceiling)
         self.ruts: tuple[Any, Any, Any] = (None, None, None)
         if ground.ruts is not None:
             first, passes, exponent = map(self._to_phases, ground.ruts)
@@ -127,6 +131,14 @@ class Sweep:
         self.surfaces = self._at(self.ids, middle) * inside
         heights = self._at(self._heights, middle)
         self.heights = np.where(inside & ~np.isneginf(heights), heights, np.float32(np.nan))
+        own, driven = np.ones_like(inside), np.zeros(inside.shape, np.int16)
+        if shown is not None:
+            phases = (self._to_phases(one) for one in (shown.own, shown.joined, shown.sheet))
+            own, joined, sheet = (self._at(one, middle) for one in phases)
+            driven = np.where(joined, sheet, -1).astype(np.int16)
+            self.heights[~own] = np.nan
+        driven[~inside] = -1
+        self.layer = own & inside, driven
 
     def _to_phases(self, plane: NDArray[Any]) -> NDArray[Any]:
         """Lay a plane (rows, columns) out as (rows, phases, columns)."""
@@ -191,6 +203,20 @@ class Sweep:
     def _empty(self) -> NDArray[np.float32]:
         """An uninitialised plane of the window."""
         return np.empty(self._shape, np.float32)
+
+    def headroom(
+        self, footprint: HeadingFootprint, plane: NDArray[np.float32]
+    ) -> NDArray[np.float32] | None:
+        """Height above the plane of what is over the vehicle, (height, width), m; None for sky."""
+        if self._ceilings is None:
+            return None
+        front, rear, side = self._plan.vehicle.rectangle
+        whole = FootprintRectangle.of(
+            -rear, front, side, self._plan.resolution, footprint.direction
+        ).offsets
+        offsets, out = (self.phases_of(whole), self._shifts(whole)), self._empty()
+        kernels.bumps(self._ceilings, self.first, *offsets, -plane, out)
+        return -out
 
     def _shifts(self, offsets: Offsets) -> NDArray[np.float32]:
         """East and north of offsets, m, (n, 2) float32."""

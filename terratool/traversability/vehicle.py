@@ -285,6 +285,7 @@ class Vehicle:
         cog_height: height of the centre of gravity over level ground, m; 0 for a wheel by itself.
         clearance: height of the body between the outermost axles over level ground, m; infinity
             for no body.
+        height: height of all of it over level ground, m; None where it is not known.
         body_width: width of the body, m; 0 for none. Wheels may stand out of it or under it.
         front: overhang at the front.
         rear: overhang at the rear.
@@ -315,6 +316,7 @@ class Vehicle:
     track_width: float = 0.0
     cog_height: float = 0.0
     clearance: float = math.inf
+    height: float | None = None
     body_width: float = 0.0
     front: Overhang = field(default_factory=Overhang)
     rear: Overhang = field(default_factory=Overhang)

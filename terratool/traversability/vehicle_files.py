@@ -39,7 +39,7 @@ from terratool.traversability.vehicle import (
 )
 
 _PLAIN = (
-    "clearance", "body_width", "steering", "turning_radius", "speed", "power", "efficiency",
+    "clearance", "height", "body_width", "steering", "turning_radius", "speed", "power", "efficiency",
     "stopping_distance", "reaction_time", "max_drift",
 )  # fmt: skip
 """Keys of a vehicle's text that are attributes of `Vehicle` in the same units."""

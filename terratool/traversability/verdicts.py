@@ -85,7 +85,7 @@ In grey the verdicts differ, too: L* 88, 65, 31, unknown 65."""
 _LABELS = (
     "nothing", "no ground", "edge of the terrain", "soil unknown", "traction", "motor torque",
     "slip", "sinkage", "side-slip", "tip-over", "step", "high-centred", "approach or departure",
-    "roughness", "turning on the spot", "drift", "foothold", "keep-out",
+    "roughness", "turning on the spot", "drift", "foothold", "keep-out", "headroom",
 )  # fmt: skip
 """Names of the measures, by `Reason`."""
 
@@ -111,6 +111,7 @@ class Reason(NamedNumber):
     DRIFT = 15
     FOOTHOLD = 16
     KEEP_OUT = 17
+    HEADROOM = 18
 
     @property
     def label(self) -> str:

@@ -93,7 +93,7 @@ def classes_of(
     builder = MapBuilder(
         terrain, Surveyor(terrain, vehicle, grid), False, turnings(terrain, vehicle)
     )
-    stream_map(builder._surveyor, builder, None, Threads(1))
+    stream_map(builder.surveyor, builder, None, Threads(1))
     classes, _ = builder.classes(begin_of(builder, start), vehicle.area)
     return classes
 

@@ -374,6 +374,7 @@ def _properties(vehicle: Vehicle) -> Iterator[tuple[str, str]]:
         yield "track", numbers.length(vehicle.track_width)
         yield "height of the centre of gravity", numbers.length(vehicle.cog_height)
         yield "clearance", numbers.length(vehicle.clearance)
+        yield "height", "" if vehicle.height is None else numbers.length(vehicle.height)
         yield "width of the body", numbers.length(vehicle.body_width) if vehicle.body_width else ""
         for name, end in (("front overhang", vehicle.front), ("rear overhang", vehicle.rear)):
             if end.length > 0 and math.isfinite(end.height):

@@ -138,6 +138,7 @@ class VehicleKeys(Struct, frozen=True):
     track_m: Annotated[float, ResultMember("track_width")]
     cog_height_m: Metres
     clearance_m: Metres | None
+    height_m: Metres | None
     body_width_m: Metres
     front: OverhangKeys
     rear: OverhangKeys

@@ -26,6 +26,7 @@ from terratool.traversability.route.paths import (
     worst_verdict,
 )
 from terratool.traversability.route.reach import (
+    Places,
     begin_at,
     heading_bits,
     spread,
@@ -146,7 +147,7 @@ def leads_back(path: Path, on: RouteSite) -> bool:
     begin = begin_at(bits, (int(rows[-1]), int(columns[-1])))
     turns = turnable(survey, on.turns, part)
     radius = on.vehicle.turning_radius / grid.resolution
-    back = spread(bits, survey.headings, begin, turns=turns, radius=radius)
+    back = spread(bits, survey.headings, begin, places=Places(turns), radius=radius)
     return bool(back[rows[0], columns[0]])
 
 

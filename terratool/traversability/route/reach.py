@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,20 @@ from terratool.traversability.route.paths import cell_of
 Bits = NDArray[np.unsignedinteger[Any]]
 """(height, width) uint8, 16, 32 or 64: headings of each cell as bits, the first in the lowest."""
 
-Turns = NDArray[np.bool_] | None
-"""(height, width), cells at which the vehicle can turn on the spot; all of them if None."""
+class Places(NamedTuple):
+    """What is known of cells beside what can be driven there, (height, width) each.
+
+    Attributes:
+        turns: bool, cells at which the vehicle can turn on the spot; all of them if None.
+        twins: int64, the next cell that is the same place, round; all differ if None.
+    """
+
+    turns: NDArray[np.bool_] | None = None
+    twins: NDArray[np.int64] | None = None
+
+
+EVERYWHERE = Places()
+"""The vehicle can turn on the spot at all cells, and all differ."""
 
 Progress = Callable[[float], object]
 """A function that is called with the further share of the states that is done."""
@@ -63,7 +75,7 @@ def spread(
     begin: Bits,
     against: bool = False,
     progress: Progress | None = None,
-    turns: Turns = None,
+    places: Places = EVERYWHERE,
     radius: float = 0.0,
 ) -> Bits:
     """All states that moves lead to from the states `begin`; with `against`, that lead to these."""
@@ -72,7 +84,7 @@ def spread(
     moves = moves_of(headings, radius)
     _run_in_parts(
         bits.size * headings,
-        lambda states: kernels.flood(moves, direction, bits, turns, fresh, reached, states),
+        lambda states: kernels.flood(moves, direction, bits, places, fresh, reached, states),
         progress,
     )
     return reached
@@ -98,7 +110,7 @@ def connected_cells(
     headings: int,
     begin: Bits,
     progress: Progress | None = None,
-    turns: Turns = None,
+    places: Places = EVERYWHERE,
     radius: float = 0.0,
 ) -> Connected:
     """Cells that can be reached from states, and from which any of them can be reached again.
@@ -108,11 +120,11 @@ def connected_cells(
         headings: number of headings.
         begin: states to begin from, as bits; those that cannot be driven count for nothing.
         progress: called with shares that add to 1 for the way there, and to 1 for the way back.
-        turns: cells at which the vehicle can turn on the spot.
+        places: what is known of the cells.
         radius: least radius in which it turns, in sides of a cell; 0 if it turns on the spot.
     """
-    there = spread(bits, headings, begin, False, progress, turns, radius)
-    back = there & spread(bits, headings, begin, True, progress, turns, radius)
+    there = spread(bits, headings, begin, False, progress, places, radius)
+    back = there & spread(bits, headings, begin, True, progress, places, radius)
     return Connected(there != 0, back != 0)
 
 
@@ -131,7 +143,7 @@ def begin_from(bits: Bits, terrain: Terrain, grid: Grid, start: tuple[float, flo
 
 
 def begin_in_largest(
-    bits: Bits, headings: int, progress: Progress | None = None, turns: Turns = None,
+    bits: Bits, headings: int, progress: Progress | None = None, places: Places = EVERYWHERE,
     radius: float = 0.0,
 ) -> Bits:  # fmt: skip
     """A state of the part of the ground with the most states, as bits; none without a part.
@@ -144,7 +156,7 @@ def begin_in_largest(
     begin, reached = np.zeros_like(bits), np.zeros_like(bits)
     _run_in_parts(
         bits.size * headings,
-        lambda states: kernels.find_parts(moves, bits, turns, begin, reached, parts, states),
+        lambda states: kernels.find_parts(moves, bits, places, begin, reached, parts, states),
         progress,
     )
     cell, heading, states = parts[1].tolist()
@@ -159,7 +171,7 @@ def can_turn_back(bits: Bits, headings: int) -> NDArray[np.bool_]:
     return np.asarray(bits & (bits >> half) & ((1 << half) - 1) != 0)
 
 
-def place_in(bits: Bits, headings: int, found: Connected, turns: Turns = None) -> tuple[int, int]:
+def place_in(bits: Bits, headings: int, found: Connected, places: Places = EVERYWHERE) -> tuple[int, int]:
     """A cell of connected ground near its middle, if possible one that leads to all of the ground.
 
     A cell leads to the whole part, and to nothing else, if the vehicle can turn there to all
@@ -168,8 +180,8 @@ def place_in(bits: Bits, headings: int, found: Connected, turns: Turns = None) -
     before = ((bits << 1) | (bits >> (headings - 1))) & bits.dtype.type((1 << headings) - 1)
     first = bits & ~before
     together = found.returned & (first & (first - (first != 0)) == 0)
-    if turns is not None:
-        together &= turns
+    if places.turns is not None:
+        together &= places.turns
     inside = together if together.any() else found.returned
     middle = [
         float(np.average(np.arange(len(count)), weights=count))

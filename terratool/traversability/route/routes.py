@@ -66,6 +66,7 @@ from terratool.traversability.route.paths import (
 )
 from terratool.traversability.route.reach import (
     Connected,
+    Places,
     begin_from,
     connected_cells,
     heading_bits,
@@ -439,7 +440,7 @@ def reach(
     turns = None if vehicle is None else turnable(seen, turnings(terrain, vehicle))
     begin = begin_from(bits, terrain, seen.grid, start)
     radius = 0.0 if vehicle is None else vehicle.turning_radius / seen.grid.resolution
-    found = connected_cells(bits, seen.headings, begin, turns=turns, radius=radius)
+    found = connected_cells(bits, seen.headings, begin, places=Places(turns), radius=radius)
     return reach_of(terrain, start, found, np.isfinite(seen.heights))
 
 

@@ -1,0 +1,344 @@
+"""Layers of driving: tops of columns that share no pixel, and what lies before who stands there.
+
+A layer has the tops of one sheet, the ground or a sheet of storeys. What else it shows are the
+tops that a vehicle on these has before it: the highest solid whose bottom is not above what it
+steps up. So a ramp leads from layer to layer, and no link is written.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.field.storeys import FIRST_STOREY, ColumnRows
+from terratool.field.terrain import Terrain
+from terratool.kernels import traversability as kernels
+from terratool.raster.grid import Grid, Window
+from terratool.raster.painter import Painter, Planes, id_type
+
+_TILE = 64
+"""Rows of which a layer has a multiple in arrays of all layers."""
+_STOREY_LABELS = 1 << 31
+"""Labels of tops of storeys; those of the ground are less."""
+_KEPT = 4
+"""Windows whose columns are kept for the other layers."""
+
+
+class Layer(NamedTuple):
+    """A layer of driving.
+
+    Attributes:
+        sheet: sheet whose tops it has, 0 for the ground.
+        apart: whether it has the tops on the one side of places where tops of the sheet meet with
+            something else between them, as at the end of a bridge over a bed with upright banks.
+    """
+
+    sheet: int
+    apart: bool
+
+
+class Stack(NamedTuple):
+    """Layers one below the other in arrays, each of so many rows of the grid.
+
+    Attributes:
+        grid: pixels of each layer.
+        sheets: number of sheets, the ground's included.
+        gap: fewest rows between two layers.
+    """
+
+    grid: Grid
+    sheets: int
+    gap: int
+
+    @property
+    def layers(self) -> int:
+        """Number of layers: two of each sheet, or the ground alone."""
+        return 2 * self.sheets if self.sheets > 1 else 1
+
+    @property
+    def pitch(self) -> int:
+        """Rows from a layer to the next one."""
+        return -(-(self.grid.height + self.gap) // _TILE) * _TILE
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Shape of arrays of all layers."""
+        return (self.layers - 1) * self.pitch + self.grid.height, self.grid.width
+
+    def layer(self, number: int) -> Layer:
+        """A layer by its number."""
+        return Layer(number % self.sheets, number >= self.sheets)
+
+    def split(self, window: Window) -> tuple[int, Window]:
+        """Number of the layer that a window of all layers is in, and the window in that layer."""
+        number = window.row // self.pitch if self.layers > 1 else 0
+        return number, replace(window, row=window.row - number * self.pitch)
+
+    def windows(self, height: int, width: int) -> Iterator[Window]:
+        """Divide all layers into windows of at most this size; layers of a place in a row."""
+        for window in self.grid.windows(height, width):
+            for number in range(self.layers):
+                yield replace(window, row=window.row + number * self.pitch)
+
+    def parts(self, array: NDArray[Any]) -> list[NDArray[Any]]:
+        """Views of each layer of an array of all layers, (…, rows, columns)."""
+        return [
+            array[..., begin : begin + self.grid.height, :]
+            for begin in range(0, array.shape[-2], self.pitch)
+        ]
+
+
+class Solids(NamedTuple):
+    """What is solid at the pixels of a window, from below: (most, height, width) each.
+
+    Attributes:
+        bottom, top: float32, m; NaN where there are fewer.
+        sheet: int32, the sheet of the top, 0 for the ground; -1 where there are fewer.
+        surface: index of the surface of the top and one, 0 for none.
+        label: uint32 that tops without a wall between them have alike.
+        slope_x, slope_y: float32 slopes of the top.
+        pressed: whether wheels of tracks have pressed the top.
+    """
+
+    bottom: NDArray[np.float32]
+    top: NDArray[np.float32]
+    sheet: NDArray[np.int32]
+    surface: NDArray[Any]
+    label: NDArray[np.uint32]
+    slope_x: NDArray[np.float32]
+    slope_y: NDArray[np.float32]
+    pressed: NDArray[np.bool_]
+
+
+class ShownGround(NamedTuple):
+    """What a layer shows at the pixels of a window, (height, width) each.
+
+    Attributes:
+        solid: int32, number of the solid, -1 for none.
+        joined: whether it can be driven to from tops of the layer, and back.
+        own: whether it is a top of the layer.
+    """
+
+    solid: NDArray[np.int32]
+    joined: NDArray[np.bool_]
+    own: NDArray[np.bool_]
+
+
+class LayerGround(NamedTuple):
+    """The ground of a layer in a window, (height, width) each.
+
+    Attributes:
+        planes: heights, surfaces, slopes and labels of what the layer shows.
+        sheet: int32 sheet of what it shows; -1 for none.
+        ceiling: float32 bottom of what is over that, m; infinity for nothing.
+        pressed: whether wheels of tracks have pressed it.
+        joined, own: as in `ShownGround`.
+    """
+
+    planes: Planes
+    sheet: NDArray[np.int32]
+    ceiling: NDArray[np.float32]
+    pressed: NDArray[np.bool_]
+    joined: NDArray[np.bool_]
+    own: NDArray[np.bool_]
+
+    def part(self, rows: Any, columns: Any) -> LayerGround:
+        """Copies of some rows and columns."""
+        at = np.ix_(rows, columns)
+        planes = Planes(*(None if one is None else one[at] for one in self.planes))
+        return LayerGround(planes, *(np.ascontiguousarray(one[at]) for one in self[1:]))
+
+
+class LayerPainter:
+    """A painter of layers of a terrain with storeys; several threads may use it at a time.
+
+    Args:
+        terrain: the terrain, all parts written out.
+        grid: pixels of the ground.
+        rise: rise from pixel to pixel up to which ground is driven on, m.
+        reach: pixels up to which what lies beside the tops of a layer may matter.
+    """
+
+    def __init__(self, terrain: Terrain, grid: Grid, rise: float, reach: int) -> None:
+        assert terrain.storeys is not None
+        self._terrain, self._grid, self._rise, self._reach = terrain, grid, rise, reach
+        self._painter = Painter(terrain, grid, slopes=True, labels=True)
+        self.storeys = terrain.storeys
+        self._sheets = sheet_of_elements(terrain)
+        self._kept: OrderedDict[Window, Solids | None] = OrderedDict()
+
+    def find(self, window: Window, layer: Layer) -> LayerGround | None:
+        """The ground of a layer; None where no storeys are near, nor within reach."""
+        more = 2 * self._reach  # a way to what is shown is no longer, nor one to what parts tops
+        solids = self._solids(
+            Window(
+                window.row - more, window.column - more, window.height + 2 * more,
+                window.width + 2 * more,
+            )
+        )  # fmt: skip
+        if solids is None:
+            return None
+        shape = solids.top.shape[1:]
+        shown = ShownGround(np.empty(shape, np.int32), *np.empty((2, *shape), np.bool_))
+        kernels.find_layer(
+            _SolidArrays(*solids[:3]),
+            layer.sheet, layer.apart, self._rise, 2 * self._reach, shown,
+        )  # fmt: skip
+        if layer == Layer(0, False):
+            # where nothing is solid the ground has a void
+            shown.own[solids.sheet[0] < 0] = True
+        inner = np.s_[more : more + window.height, more : more + window.width]
+        return _ground_of(
+            Solids(*(one[:, *inner] for one in solids)), ShownGround(*(one[inner] for one in shown))
+        )
+
+    def _solids(self, window: Window) -> Solids | None:
+        """What is solid in a window; None where no storeys are near."""
+        try:
+            return self._kept[window]
+        except KeyError:
+            found = self._find_solids(window)
+        self._kept[window] = found
+        while len(self._kept) > _KEPT:
+            self._kept.popitem(last=False)
+        return found
+
+    def _find_solids(self, window: Window) -> Solids | None:
+        x, y = self._grid.columns(window), self._grid.rows(window)
+        each = [np.ascontiguousarray(one.ravel()) for one in np.meshgrid(x, y)]
+        near = self.storeys.near(*each)
+        if not near.any():
+            return None
+        planes = self._painter.paint(window)
+        at = np.flatnonzero(near)
+        rows, sheets, pressed = self._columns(each[0][at], each[1][at])
+        most = rows.top.shape[1]
+        size = (most, window.height * window.width)
+
+        def layers(dtype: Any, fill: float, plane: Any, values: NDArray[Any]) -> NDArray[Any]:
+            out = np.full(size, fill, dtype)
+            out[0] = np.ravel(plane)
+            out[:, at] = values.T
+            return out.reshape(most, window.height, window.width)
+
+        void = np.isnan(planes.heights)
+        bottom = np.where(void, np.float32(np.nan), np.float32(-np.inf))
+        # between tops of storeys there may be walls anywhere
+        assert planes.labels is not None
+        parity = (at // window.width + at % window.width) % 2
+        labels = _STOREY_LABELS + 2 * sheets.astype(np.int64) + parity[:, None]
+        labels = np.where(sheets == 0, planes.labels.ravel()[at][:, None], labels)
+        return Solids(
+            layers(np.float32, np.nan, bottom, rows.bottom),
+            layers(np.float32, np.nan, planes.heights, rows.top),
+            layers(np.int32, -1, np.where(void, -1, 0), sheets),
+            layers(id_type(self._terrain), 0, planes.surfaces, rows.surface + 1),
+            layers(np.uint32, 0, planes.labels, labels),
+            layers(np.float32, 0.0, planes.slope_x, rows.slope_x),
+            layers(np.float32, 0.0, planes.slope_y, rows.slope_y),
+            layers(np.bool_, True, True, pressed),
+        )
+
+    def _columns(
+        self, x: NDArray[np.float64], y: NDArray[np.float64]
+    ) -> tuple[ColumnRows, NDArray[np.int32], NDArray[np.bool_]]:
+        """Columns at points, the sheet of each top, and whether tracks have pressed it."""
+        terrain = self._terrain
+        rows = terrain.columns_at(x, y)
+        bare = terrain.columns_at(x, y, bare=True) if terrain.tracks else rows
+        sheets = sheet_of(self._sheets, bare.element)
+        sheets[np.arange(bare.top.shape[1]) >= bare.held[:, None]] = -1
+        pressed = np.ones(rows.top.shape, np.bool_)
+        if terrain.tracks and not terrain.is_rough:
+            pressed = rows.top != bare.top
+        return rows, sheets, pressed
+
+
+class _SolidArrays(NamedTuple):
+    """Members of `Solids` for the kernels."""
+
+    bottom: NDArray[np.float32]
+    top: NDArray[np.float32]
+    sheet: NDArray[np.int32]
+
+
+def sheet_of_elements(terrain: Terrain) -> NDArray[np.int32]:
+    """The sheet of each element of storeys, by its number less `FIRST_STOREY`; 0 for the ground."""
+    assert terrain.storeys is not None
+    found = np.zeros(len(terrain.storeys.written), np.int32)
+    for number, sheet in enumerate(terrain.storeys.sheets, 1):
+        found[sheet.numbers[sheet.storeys >= 0] - FIRST_STOREY] = number
+    return found
+
+
+def sheet_of(sheets: NDArray[np.int32], elements: NDArray[np.int64]) -> NDArray[np.int32]:
+    """The sheets of tops by their elements, 0 for the ground."""
+    of_storeys = elements >= FIRST_STOREY
+    return np.where(of_storeys, sheets[np.where(of_storeys, elements - FIRST_STOREY, 0)], 0)
+
+
+def _ground_of(solids: Solids, shown: ShownGround) -> LayerGround:
+    """The ground that a layer shows."""
+    at = np.maximum(shown.solid, 0)[None]
+    none = shown.solid < 0
+
+    def pick(values: NDArray[Any], nothing: Any) -> NDArray[Any]:
+        found = np.take_along_axis(values, at, axis=0)[0]
+        found[none] = nothing
+        return np.ascontiguousarray(found)
+
+    planes = Planes(
+        pick(solids.top, np.nan), pick(solids.surface, 0), pick(solids.slope_x, np.nan),
+        pick(solids.slope_y, np.nan), pick(solids.label, 0),
+    )  # fmt: skip
+    over = np.concatenate([solids.bottom, np.full_like(solids.bottom[:1], np.nan)])
+    ceiling = np.take_along_axis(over, shown.solid[None] + 1, axis=0)[0]
+    ceiling[~(ceiling > -math.inf)] = np.inf
+    return LayerGround(
+        planes, pick(solids.sheet, -1), np.ascontiguousarray(ceiling), pick(solids.pressed, False),
+        np.ascontiguousarray(shown.joined), np.ascontiguousarray(shown.own),
+    )  # fmt: skip
+
+
+def rings(shown: NDArray[np.int16], stack: Stack) -> NDArray[np.int64]:
+    """The next pixel that is the same place, round, for each pixel of all layers.
+
+    Args:
+        shown: sheet that each pixel of all layers shows, -1 for none that can be driven to.
+        stack: the layers.
+    """
+    index = np.arange(shown.size).reshape(shown.shape)
+    out, places, sheets = index.copy(), stack.parts(index), stack.parts(shown)
+    twins = stack.parts(out)
+    for sheet in range(stack.sheets):
+        following = np.full(places[0].shape, -1)
+        for layer in reversed(range(stack.layers)):
+            here = sheets[layer] == sheet
+            following[here] = places[layer][here]
+        for layer in reversed(range(stack.layers)):
+            here = sheets[layer] == sheet
+            twins[layer][here] = following[here]
+            following[here] = places[layer][here]
+    return out
+
+
+def copy_from_owners(
+    values: NDArray[Any], own: NDArray[np.bool_], shown: NDArray[np.int16], stack: Stack
+) -> NDArray[Any]:
+    """Values of all layers, each pixel with that of the layer that has what it shows; else 0."""
+    out = np.where(own, values, values.dtype.type(0))
+    mine, layers, sheets = stack.parts(own), stack.parts(out), stack.parts(shown)
+    for sheet in range(stack.sheets):
+        known = np.zeros_like(layers[0])
+        for layer in (sheet, stack.sheets + sheet):
+            known[mine[layer]] = layers[layer][mine[layer]]
+        for layer in range(stack.layers):
+            here = (sheets[layer] == sheet) & ~mine[layer]
+            layers[layer][here] = known[here]
+    return out
