@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from terratool.definition.model import Bore, Definition, Primitive, Storey, Surf
 from terratool.definition.written import Written
 from terratool.field.compile import Compiled, compile_definition
 from terratool.kernels import field as kernels
+from terratool.report.wording import decks_and_bores
 
 if TYPE_CHECKING:
     from terratool.field.terrain import Terrain
@@ -247,7 +249,17 @@ class Storeys:
         keyed = _sheet_keys(plan, indices)
         self.sheets = tuple(maker.make(members) for members in keyed)
         self.lattice = _lattice(footprints, keyed)
-        self.field = kernels.Storeys(self.sheets, self.table, self.lattice)
+
+    def __repr__(self) -> str:
+        return f"<Storeys: {decks_and_bores(self.decks, self.bores)}>"
+
+    @cached_property
+    def field(self) -> kernels.Storeys:
+        """Sheets, table and lattice, checked and kept by the kernels."""
+        return kernels.Storeys(self.sheets, self.table, self.lattice)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "field"}
 
     def near(self, x: Floats, y: Floats) -> NDArray[np.bool_]:
         """Whether storeys may be at points, (n,); where not, there is the ground alone."""
