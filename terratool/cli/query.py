@@ -86,7 +86,7 @@ def command(
     listed = _from_arguments(coordinates) if points is None else None
 
     early = None if listed is None else partial(_refuse_outside, listed, local)
-    terrain = load(file, early=early)
+    terrain = load(file, early=early, storeys="kept")
     corner = terrain.bounds[:2] if local else (0.0, 0.0)
     source = iter(listed) if listed is not None else _from_csv(str(points))
     write, labels = _write_csv, list(map(inert_cell, terrain.surfaces))

@@ -208,6 +208,7 @@ class Storeys:
         sheets: sheets in the order in which columns take them.
         decks: number of decks.
         bores: number of bores.
+        elements: number of elements of storeys.
         written: all elements of storeys, and those in whose cells they are.
         table: storeys by number.
         lattice: where which sheet has storeys.
@@ -233,6 +234,7 @@ class Storeys:
         definition = structs.replace(definition, tracks=UNSET)
         whole = plain(compile_definition(definition, written, roughness=False), definition)
         plan = _plan(written, own, whole)
+        self.elements = int(np.count_nonzero(plan.own >= 0))
         footprints = np.empty((4, len(written)))
         footprints[:, _order(whole)] = whole.footprints()
         number = np.full(len(written), -1, np.int32)
@@ -257,6 +259,15 @@ class Storeys:
     def field(self) -> kernels.Storeys:
         """Sheets, table and lattice, checked and kept by the kernels."""
         return kernels.Storeys(self.sheets, self.table, self.lattice)
+
+    @property
+    def arrays(self) -> tuple[Any, ...]:
+        """All that decides columns over a ground."""
+        sheets = (
+            (sheet.is_bore, sheet.storeys, *sheet.top.arrays, sheet.faced, *sheet.face.arrays)
+            for sheet in self.sheets
+        )
+        return *self.table, *self.lattice, *sheets
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "field"}

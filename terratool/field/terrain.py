@@ -138,7 +138,6 @@ def batch_heights(
     return out
 
 
-
 def _derived(kind: type) -> set[str]:
     """Names of attributes of a class that follow from the others, and are kept when known."""
     return {
@@ -273,6 +272,11 @@ class Terrain:
         """Flat arrays of the field."""
         return self._compiled.arrays
 
+    @property
+    def all_arrays(self) -> tuple[Any, ...]:
+        """Flat arrays of the ground, and of all that is in storeys."""
+        return *self.arrays, *(() if self.storeys is None else self.storeys.arrays)
+
     @cached_property
     def field(self) -> kernels.Field:
         """Flat arrays of the field, checked and kept by the kernels."""
@@ -340,6 +344,11 @@ class Terrain:
     def elements(self) -> int:
         """Number of elements of the ground, with parts and copies written out."""
         return len(self.arrays.elements) if self._tally is None else self._tally.elements
+
+    @property
+    def all_elements(self) -> int:
+        """Number of elements, those of storeys included, with parts and copies written out."""
+        return self.elements + (0 if self.storeys is None else self.storeys.elements)
 
     @property
     def is_shared(self) -> bool:
@@ -577,7 +586,9 @@ class Terrain:
         """
         from terratool.field.torch_field import TorchField
 
-        return TorchField(self.ground_only(), device, origin=origin, default_friction=default_friction)
+        return TorchField(
+            self.ground_only(), device, origin=origin, default_friction=default_friction
+        )
 
     def to_warp(
         self,
@@ -599,7 +610,9 @@ class Terrain:
         """
         from terratool.field.warp_field import WarpField
 
-        return WarpField(self.ground_only(), device, origin=origin, default_friction=default_friction)
+        return WarpField(
+            self.ground_only(), device, origin=origin, default_friction=default_friction
+        )
 
     @property
     def first_track(self) -> int:
