@@ -261,6 +261,12 @@ class Storeys:
         return kernels.Storeys(self.sheets, self.table, self.lattice)
 
     @property
+    def nbytes(self) -> int:
+        """Memory of the compiled storeys in bytes."""
+        fields = sum(sheet.top.nbytes + sheet.face.nbytes for sheet in self.sheets)
+        return fields + self.lattice.cells.nbytes
+
+    @property
     def arrays(self) -> tuple[Any, ...]:
         """All that decides columns over a ground."""
         sheets = (
