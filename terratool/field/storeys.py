@@ -146,7 +146,7 @@ class ColumnRows(NamedTuple):
         return rows
 
     def narrowed(self) -> ColumnRows:
-        """These rows with as many intervals as any point has, one at least."""
+        """Rows with as many intervals as any point has, one at least."""
         wide = max(1, int(self.held.max(initial=0)))
         return ColumnRows._make([self.held, *(one[:, :wide] for one in self.matrices)])
 

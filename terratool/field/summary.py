@@ -55,7 +55,7 @@ class TrackSummary(Struct, frozen=True):
 
 
 class StoreySummary(Struct, frozen=True):
-    """What stands over other ground, or is cut through it.
+    """Numbers of decks and bores.
 
     Attributes:
         decks: number of decks, those of parts and all copies counted.
