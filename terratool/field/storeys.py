@@ -266,15 +266,6 @@ class Storeys:
         fields = sum(sheet.top.nbytes + sheet.face.nbytes for sheet in self.sheets)
         return fields + self.lattice.cells.nbytes
 
-    @property
-    def arrays(self) -> tuple[Any, ...]:
-        """All that decides columns over a ground."""
-        sheets = (
-            (sheet.is_bore, sheet.storeys, *sheet.top.arrays, sheet.faced, *sheet.face.arrays)
-            for sheet in self.sheets
-        )
-        return *self.table, *self.lattice, *sheets
-
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "field"}
 

@@ -272,11 +272,6 @@ class Terrain:
         """Flat arrays of the field."""
         return self._compiled.arrays
 
-    @property
-    def all_arrays(self) -> tuple[Any, ...]:
-        """Flat arrays of the ground, and of all that is in storeys."""
-        return *self.arrays, *(() if self.storeys is None else self.storeys.arrays)
-
     @cached_property
     def field(self) -> kernels.Field:
         """Flat arrays of the field, checked and kept by the kernels."""
