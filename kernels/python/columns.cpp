@@ -30,16 +30,25 @@ struct KeptSheet {
     Kept<Field> tops, faces;
     Kept<Span<const i32>> storeys, faced;
     Kept<Span<const i64>> numbers;
+    i64 bare;
     bool is_bore;
 
     explicit KeptSheet(nb::handle sheet)
         : tops(sheet, "tops", NAME), faces(sheet, "faces", NAME),
           storeys(sheet, "storeys[_]", NAME), faced(sheet, "faced[_]", NAME),
-          numbers(sheet, "numbers[_]", NAME), is_bore(nb::cast<bool>(sheet.attr("is_bore"))) {}
+          numbers(sheet, "numbers[_]", NAME), bare(nb::cast<i64>(sheet.attr("bare"))),
+          is_bore(nb::cast<bool>(sheet.attr("is_bore"))) {}
 
     Sheet sheet() {
-        return {&tops.argument().get(),   &faces.argument().get(), storeys.argument().get(),
-                numbers.argument().get(), faced.argument().get(),  is_bore};
+        return {
+            &tops.argument().get(),
+            &faces.argument().get(),
+            storeys.argument().get(),
+            numbers.argument().get(),
+            faced.argument().get(),
+            bare,
+            is_bore
+        };
     }
 };
 

@@ -204,7 +204,10 @@ class Uses(Struct, frozen=True, dict=True):
     def has_storeys(self) -> bool:
         """Whether any element of the terrain is a deck or a bore, directly or in a part."""
         roots = (self.root, *map(self.part, self.parts_in_use)) if self.has_root else ()
-        return any(root.tree.has_storeys for root in roots)
+        return any(
+            root.tree.has_storeys and any(root.tree.storey(one) for one in elements_of(root))
+            for root in roots
+        )
 
     @property
     def has_root(self) -> bool:

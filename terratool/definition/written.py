@@ -334,6 +334,10 @@ class _Text:
         """Index of an element among all texts."""
         return self._first[id(root.tree)] + root.element
 
+    def has(self, root: Root) -> bool:
+        """Whether an element is in one of the texts."""
+        return id(root.tree) in self._first
+
     def root(self, index: int) -> Root:
         """Element at an index among all texts."""
         home = int(np.searchsorted(self._starts, index, "right")) - 1
@@ -382,7 +386,9 @@ class _Writer:
             return None
         ends = np.arange(len(text.storey))
         for index in np.flatnonzero(text.composed).tolist():
-            ends[index] = text.index(self._chains.of(text.root(index)).root)
+            end = self._chains.of(text.root(index)).root
+            if text.has(end):  # a part that is not in use may lead to a file that is not
+                ends[index] = text.index(end)
         storeys = text.storey[ends] > 0
         if share == "ground":
             return storeys

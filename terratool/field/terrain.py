@@ -185,8 +185,9 @@ class Terrain:
         self._far: dict[int, int] = {}
         storeys, worn, shapes = None, set[Any](), set[Any]()
         if uses.has_storeys:
-            storeys = write_out(uses, with_names(uses), "storeys")
-            worn, shapes = storeys.worn, storeys.shapes
+            written = write_out(uses, with_names(uses), "storeys")
+            if written.storeys():  # copies may find no place
+                storeys, worn, shapes = written, written.worn, written.shapes
         if uses.is_composed and uses.elements > share_above:
             self._source = definition
             plan = blueprint(uses, worn, shapes)
