@@ -11,7 +11,7 @@ import pytest
 import terratool
 from tests.commands import ROOT, call
 
-BRIDGE = ROOT / "tests" / "storeys" / "bridge.json"
+BRIDGE = ROOT / "tests" / "example-files" / "columns" / "bridge.json"
 ROVER = ROOT / "samples" / "vehicles" / "husky-a200.json"
 LIDAR = ROOT / "samples" / "sensors" / "velodyne-vlp-16.json"
 NOTE = "2 decks are not shown: this is the ground without them."

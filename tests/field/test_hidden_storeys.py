@@ -16,7 +16,7 @@ from terratool.field.terrain import Terrain, load
 from terratool.report.wording import hidden_storeys
 from tests.commands import ROOT
 
-STOREYS = ROOT / "tests" / "storeys"
+STOREYS = ROOT / "tests" / "example-files" / "columns"
 NAMES = sorted(path.stem for path in STOREYS.glob("*.json"))
 SAID = {
     "bridge": "2 decks are not shown: this is the ground without them.",

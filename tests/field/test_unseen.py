@@ -14,7 +14,7 @@ from terratool.field.unseen import unseen_storeys
 from terratool.text.source import Source
 from tests.commands import ROOT, call
 
-STOREYS = ROOT / "tests" / "storeys"
+STOREYS = ROOT / "tests" / "example-files" / "columns"
 UNSEEN = ("TT223", "TT224")
 
 
