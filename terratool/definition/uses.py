@@ -14,6 +14,8 @@ from terratool.definition.model import Definition, Element, Library, Pair, pair_
 from terratool.definition.scattering import copy_count
 from terratool.definition.tree import ROOT, Tree, part_pointer
 
+MAX_ELEMENTS = 2_000_000
+"""Most elements that are written out."""
 MAX_DEPTH = 1000
 """Most parts that may stand in one another."""
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from terratool.definition.chains import Chain, Chains
 from terratool.definition.exact import Exact, ExactSide, Sides, rest_of, rests_of, side, sides
-from terratool.definition.expand import MAX_ELEMENTS
 from terratool.definition.model import (
     DEFAULT_CELLS,
     Deck,
@@ -24,7 +23,7 @@ from terratool.definition.model import (
 from terratool.definition.scatter_areas import area_of, copies_over
 from terratool.definition.tree import ROOT, Tree, with_classes
 from terratool.definition.turning import turn_block
-from terratool.definition.uses import Root, Uses
+from terratool.definition.uses import MAX_ELEMENTS, Root, Uses
 from terratool.errors import RequestError
 
 Floats = NDArray[np.float64]

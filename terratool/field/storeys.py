@@ -148,7 +148,7 @@ class ColumnRows(NamedTuple):
         return rows
 
     def narrowed(self) -> ColumnRows:
-        """Rows with as many intervals as any point has, one at least."""
+        """Return the rows with as many intervals as any point has, one at least."""
         wide = max(1, int(self.held.max(initial=0)))
         return ColumnRows._make([self.held, *(one[:, :wide] for one in self.matrices)])
 

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.definition.crs import refuse_degrees
 from terratool.definition.expand import (
-    MAX_ELEMENTS,
     Expansion,
     expand,
     with_names,
@@ -25,7 +24,7 @@ from terratool.definition.findings import Bounds
 from terratool.definition.model import Definition
 from terratool.definition.reader import Checked, load_checked, refusal, uses_of
 from terratool.definition.sharing import blueprint
-from terratool.definition.uses import Uses
+from terratool.definition.uses import MAX_ELEMENTS, Uses
 from terratool.definition.written import write_out
 from terratool.errors import RequestError, StoreysWarning, warn_outside
 from terratool.field.compile import Compiled, compile_definition
