@@ -72,7 +72,7 @@ class StoreyLattice(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Sheet:
+class StoreySheet:
     """Storeys that share no point, all decks or all bores.
 
     Attributes:
@@ -470,7 +470,7 @@ class _SheetMaker:
         code = plan.written.names.number
         self._outside, self._bare, self._level = code(outside), code(bare), code(level)
 
-    def make(self, members: Ints) -> Sheet:
+    def make(self, members: Ints) -> StoreySheet:
         """Sheet of storeys, by their indices."""
         plan = self._plan
         written = plan.written
@@ -488,7 +488,7 @@ class _SheetMaker:
         bottom = kept & (~is_own | own_element)
         face, behind = self._compile(bottom, own_element, int(plan.datum[members[0]]), faces)
         storey = np.where(is_own, self._number[np.where(is_own, plan.own, 0)], -1)
-        return Sheet(
+        return StoreySheet(
             top, face, storey[index].astype(np.int32), FIRST_STOREY + index,
             np.where(own_element, storey, -1)[behind].astype(np.int32),
             len(self._definition.surfaces) - 1, not plan.is_deck[members[0]],
