@@ -299,3 +299,22 @@ def test_parts_bring_storeys_only_where_they_stand(used: bool) -> None:
     )
     assert (terrain.storeys is not None) == used
     assert terrain.column(3, 1).top.tolist() == ([0, 2] if used else [0])
+
+
+@pytest.mark.parametrize(
+    "z, tops",
+    [
+        (None, [-0.1, 3, 5.5]),  # on what reaches down for ever
+        (0, [-0.1, 3, 5.5]),
+        (1.5, [-0.1, 3, 5.5]),  # half between two: on the lower
+        (1.75, [0, 2.9, 5.5]),
+        (4.25, [0, 2.9, 5.5]),  # half between two again
+        (5, [0, 3, 5.4]),
+        (90, [0, 3, 5.4]),
+    ],
+)
+def test_a_track_lies_on_the_top_nearest_to_its_height(z: float | None, tops: list[float]) -> None:
+    ends = [[25, 5], [30, 5]] if z is None else [[25, 5, z], [30, 5, z]]
+    definition = {**DEFINITIONS["car park"], "tracks": [{"path": ends, "width": 1, "depth": 0.1}]}
+    np.testing.assert_allclose(terrain_of(definition).column(27, 5.25).top, tops, atol=1e-12)
+    assert [one.top for one in Storeys(definition).column(27, 5.25)] == pytest.approx(tops)
