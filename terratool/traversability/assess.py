@@ -14,7 +14,7 @@ from terratool.io.geotiff import TILE
 from terratool.tasks import thread_count
 from terratool.traversability.blocked import blocked_start
 from terratool.traversability.map import begin_of, stream_map
-from terratool.traversability.map_files import MapFiles
+from terratool.traversability.map_files import MapFiles, storey_paths
 from terratool.traversability.map_results import MapSummary, Preview
 from terratool.traversability.notes import (
     alternatives_note,
@@ -23,6 +23,7 @@ from terratool.traversability.notes import (
     heights_note,
     loads_note,
     sampling_note,
+    storeys_note,
     zones_note,
 )
 from terratool.traversability.preparing import PreparedRequest
@@ -31,7 +32,7 @@ from terratool.traversability.ranges import (
     level_chances,
     share_error,
 )
-from terratool.traversability.request import Point, Request
+from terratool.traversability.request import Point, Request, ends_of
 from terratool.traversability.results import Sampling, TraversabilityReport
 from terratool.traversability.route.charge import with_charge
 from terratool.traversability.route.headings import (
@@ -122,6 +123,7 @@ def assess(
             *headings_note(prepared, routes),
             *alternatives_note(prepared.request, routes),
             *zones_note(request.keep_out),
+            *storeys_note(terrain, vehicle),
             *sampling_note(draws),
             *heights_note(request),
             *loads_note(vehicle),
@@ -160,8 +162,13 @@ def _judge_map(
     if builder is None:
         return None
     threads, files = thread_count(prepared.request.threads), None
+    sheets: list[MapFiles] = []
     if map_path is not None:
-        files = MapFiles(stack, terrain, prepared.extent, Path(map_path), overwrite, threads)
+        sheets = [
+            MapFiles(stack, terrain, prepared.extent, path, overwrite, threads)
+            for path in storey_paths(map_path, builder.stack.sheets)
+        ]
+        files = sheets[0] if builder.own is None else None
     with crew_of(prepared.request.dask, threads) as crew:
         if prepared.shares_survey:
             assert prepared.tiles is not None
@@ -169,19 +176,21 @@ def _judge_map(
             prepared.tiles.complete(crew=crew)
         else:
             stream_map(prepared.surveyor, builder, files, crew, progress)
-    if files and prepared.shares_survey:
-        for window in builder.grid.windows(TILE, TILE):
-            files.write(window, builder.bands(window))
+    if sheets and (prepared.shares_survey or builder.own is not None):
+        for number, one in enumerate(sheets):
+            for window in builder.grid.windows(TILE, TILE):
+                one.write(window, builder.bands(window, number))
     tell: Callable[[float], object] | None = None
     if progress:
         pixels, told = builder.ground.size, progress
         told.say("finding what can be reached", pixels)
         tell = lambda more: told(more * pixels)  # noqa: E731
     classes, found = builder.classes(begin_of(builder, start), prepared.vehicle.area, tell)
-    if files:
-        if progress:
-            progress.say("writing the map")
-        files.finish(classes, builder.worst_classes(classes), builder.bits)
+    if sheets and progress:
+        progress.say("writing the map")
+    for number, one in enumerate(sheets):
+        planes = classes, builder.worst_classes(classes), builder.bits
+        one.finish(*(builder.of_sheet(plane, number) for plane in planes))
     reach = None
     if start is not None:
         blocked = None if found.reached.any() else blocked_start(prepared, start)
@@ -209,7 +218,7 @@ def _plan_routes(prepared: PreparedRequest, progress: Progress | None) -> tuple[
 
     check = finder.check
     ways: list[tuple[Callable[..., Route], tuple[Any, ...], tuple[Any, ...]]] = [
-        (plan, ((x0, y0), (x1, y1)), ((x1, y1), (x0, y0))) for x0, y0, x1, y1 in request.routes
+        (plan, ends_of(route), ends_of(route)[::-1]) for route in request.routes
     ]
     ways += [(check, (points,), (points[::-1],)) for points in request.waypoints]
     found = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from terratool.raster.grid import Window
 from terratool.report.numbers import coordinates
 from terratool.traversability.preparing import PreparedRequest
-from terratool.traversability.request import Point
+from terratool.traversability.request import Point, ends_of
 from terratool.traversability.route.barriers import BlockedPlace, RouteSite, blocked_place
 from terratool.traversability.route.graph import drivable, turnable
 from terratool.traversability.route.paths import cell_of
@@ -44,8 +45,8 @@ class BlockedEnd(NamedTuple):
 
 def blocked_ends(prepared: PreparedRequest) -> Iterator[BlockedEnd]:
     """Yield the starts and goals of routes at which the vehicle cannot stand."""
-    for number, (x0, y0, x1, y1) in enumerate(prepared.request.routes):
-        for what, place in (("start", (x0, y0)), ("goal", (x1, y1))):
+    for number, route in enumerate(prepared.request.routes):
+        for what, place in zip(("start", "goal"), ends_of(route), strict=True):
             why = _blocked_place(prepared, f"the route's {what}", place, prepared.tiles)
             if why and not (prepared.ways and prepared.ways.stands(place)):
                 yield BlockedEnd(number, why)
@@ -77,15 +78,18 @@ def _blocked_place(
     """
     terrain = prepared.terrain
     if tiles is not None:
-        row, column = cell_of(tiles.survey.grid, *place)
+        row, column = tiles.cell_of(place)
         tiles.complete([row], [column])
         window = tiles.tile_of((row, column))
     else:
-        row, column = cell_of(prepared.grid, *place)
-        top, left = max(row - _AROUND, 0), max(column - _AROUND, 0)
+        surveyor, grid = prepared.surveyor, prepared.grid
+        row, column = surveyor.cell_of(place) or cell_of(grid, *place[:2])
+        number, cell = surveyor.stack.split(Window(row, column, 1, 1))
+        first = number * surveyor.stack.pitch
+        top, left = first + max(cell.row - _AROUND, 0), max(column - _AROUND, 0)
         window = Window(
-            top, left, min(row + _AROUND + 1, prepared.grid.height) - top,
-            min(column + _AROUND + 1, prepared.grid.width) - left,
+            top, left, first + min(cell.row + _AROUND + 1, grid.height) - top,
+            min(column + _AROUND + 1, grid.width) - left,
         )  # fmt: skip
         tiles = SurveyTiles.of(survey_window(prepared.surveyor, window))
         row, column = row - top, column - left
@@ -105,6 +109,7 @@ def _blocked_place(
     far = np.hypot(rows + window.row - row, columns + window.column - column)
     nearest = int(np.argmin(far))
     x = float(tiles.survey.grid.columns(window)[columns[nearest]])
-    y = float(tiles.survey.grid.rows(window)[rows[nearest]])
+    flat = replace(window, row=int(tiles.survey.flat_rows(window.row)))
+    y = float(tiles.survey.grid.rows(flat)[rows[nearest]])
     near = coordinates((round(x, 3), round(y, 3)))
     return why._replace(note=f"{why.note} It can stand and move at {near}, near there.")

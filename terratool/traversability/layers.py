@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from terratool.field.storeys import FIRST_STOREY, ColumnRows
 from terratool.field.terrain import Terrain
+from terratool.field.types import PointSamples
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.raster.painter import Painter, Planes, id_type
@@ -74,6 +75,12 @@ class Stack(NamedTuple):
     def layer(self, number: int) -> Layer:
         """A layer by its number."""
         return Layer(number % self.sheets, number >= self.sheets)
+
+    def flat_rows(self, rows: Any) -> Any:
+        """Rows of the grid of rows of all layers."""
+        # a little beyond a layer's first row is still that layer's
+        beyond = rows + self.gap // 2
+        return rows - beyond // self.pitch * self.pitch if self.layers > 1 else rows
 
     def split(self, window: Window) -> tuple[int, Window]:
         """Number of the layer that a window of all layers is in, and the window in that layer."""
@@ -268,6 +275,11 @@ class _SolidArrays(NamedTuple):
     sheet: NDArray[np.int32]
 
 
+def sheets_of(terrain: Terrain) -> int:
+    """Number of sheets of a terrain, the ground's included."""
+    return 1 if terrain.storeys is None else 1 + len(terrain.storeys.sheets)
+
+
 def sheet_of_elements(terrain: Terrain) -> NDArray[np.int32]:
     """The sheet of each element of storeys, by its number less `FIRST_STOREY`; 0 for the ground."""
     assert terrain.storeys is not None
@@ -329,16 +341,85 @@ def rings(shown: NDArray[np.int16], stack: Stack) -> NDArray[np.int64]:
 
 
 def copy_from_owners(
-    values: NDArray[Any], own: NDArray[np.bool_], shown: NDArray[np.int16], stack: Stack
-) -> NDArray[Any]:
-    """Values of all layers, each pixel with that of the layer that has what it shows; else 0."""
-    out = np.where(own, values, values.dtype.type(0))
+    values: NDArray[Any], own: NDArray[np.bool_], shown: NDArray[np.int16], stack: Stack,
+    nothing: float = 0,
+) -> NDArray[Any]:  # fmt: skip
+    """Values of all layers, each pixel with that of the layer that has what it shows.
+
+    Args:
+        values: (…, height, width) values of all layers.
+        own: pixels that have their own.
+        shown: sheet that each pixel of all layers shows, -1 for none that can be driven to.
+        stack: the layers.
+        nothing: value of other pixels.
+    """
+    out = np.where(own, values, np.asarray(nothing, values.dtype))
     mine, layers, sheets = stack.parts(own), stack.parts(out), stack.parts(shown)
     for sheet in range(stack.sheets):
-        known = np.zeros_like(layers[0])
+        known = np.full_like(layers[0], nothing)
         for layer in (sheet, stack.sheets + sheet):
-            known[mine[layer]] = layers[layer][mine[layer]]
+            known[..., mine[layer]] = layers[layer][..., mine[layer]]
         for layer in range(stack.layers):
             here = (sheets[layer] == sheet) & ~mine[layer]
-            layers[layer][here] = known[here]
+            layers[layer][..., here] = known[..., here]
     return out
+
+
+def top_near(terrain: Terrain, x: Any, y: Any, z: Any = None) -> Any:
+    """Heights of the tops nearest to heights at points, m; of the lowest ones where z is None.
+
+    NaN where nothing is solid, and for z that are NaN.
+    """
+    if terrain.storeys is None:
+        return terrain.height(x, y)
+    top = terrain.column(x, y).top
+    if z is None:
+        return top[..., 0][()]
+    far = np.abs(top - np.asarray(z)[..., None])
+    nearest = np.argmin(np.where(np.isnan(far), np.inf, far), axis=-1)[..., None]
+    found = np.take_along_axis(top, nearest, axis=-1)[..., 0]
+    return np.where(np.isnan(np.asarray(z, np.float64)), np.nan, found)[()]
+
+
+def sample_near(terrain: Terrain, x: Any, y: Any, z: Any = None) -> PointSamples:
+    """Samples of the tops nearest to heights at points; of the lowest ones where z is None."""
+    if terrain.storeys is None:
+        return terrain.sample(x, y)
+    return terrain.sample(x, y, below=top_near(terrain, x, y, z))
+
+
+class Seen(NamedTuple):
+    """What lies before a vehicle that stands at a height, at points around it.
+
+    Attributes:
+        found: tops of the solids; no normals.
+        room: from its height up to the next solid over these, m; infinity for none.
+        over: number of the element of that solid's underside; -1 for none.
+    """
+
+    found: PointSamples
+    room: NDArray[np.float64]
+    over: NDArray[np.int64]
+
+
+def seen_from(
+    terrain: Terrain, x: NDArray[np.float64], y: NDArray[np.float64], z: float, rise: float
+) -> Seen:
+    """What lies before a vehicle that stands at z, m, and gets up so much, at points around it."""
+    rows = terrain.columns_at(x.ravel(), y.ravel())
+    count = (rows.bottom <= z + rise).sum(axis=1)
+    at, some = np.arange(len(count)), count > 0
+    low, high = np.maximum(count - 1, 0), np.minimum(count, rows.top.shape[1] - 1)
+    over = count < rows.held
+    elsewhere = terrain.sample(x, y).element
+    samples = PointSamples(
+        np.where(some, rows.top[at, low], np.nan).reshape(x.shape),
+        np.where(some.reshape(x.shape), rows.element[at, low].reshape(x.shape), elsewhere),
+        np.where(some, rows.surface[at, low], -1).reshape(x.shape),
+        np.full((*x.shape, 3), np.nan),
+    )
+    return Seen(
+        samples,
+        np.where(over, rows.bottom[at, high] - z, np.inf).reshape(x.shape),
+        np.where(over, rows.under[at, high], -1).reshape(x.shape),
+    )

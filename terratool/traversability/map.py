@@ -265,11 +265,23 @@ class MapBuilder:
         if self.own is not None and self._shown is not None:
             self.own[part], self._shown[part] = parts.own, parts.shown
 
-    def bands(self, window: Window) -> MapBands:
-        """Bands of a window that were kept."""
+    def bands(self, window: Window, number: int = 0) -> MapBands:
+        """Bands of a window that were kept, of a sheet as in `of_sheet`."""
         assert self.kept is not None
-        parts = (whole[:, *part_of(window)] for whole in self.kept)
+        parts = (self.of_sheet(whole, number)[:, *part_of(window)] for whole in self.kept)
         return MapBands(*map(np.ascontiguousarray, parts))
+
+    def of_sheet(self, plane: NDArray[Any], number: int) -> NDArray[Any]:
+        """Values of a sheet of storeys by its number from 1 on; 0 stands for the lowest tops."""
+        if self.own is None:
+            return plane
+        if number == 0:
+            return self.lowest(plane)
+        layers, own = self.stack.parts(plane), self.stack.parts(self.own)
+        nothing = np.nan if plane.dtype.kind == "f" else 0
+        main, apart = number, number + self.stack.sheets
+        found = np.where(own[main], layers[main], np.asarray(nothing, plane.dtype))
+        return np.where(own[apart], layers[apart], found)
 
     def preview(self, classes: NDArray[np.uint8]) -> Preview:
         """The map for a picture, thinned by a stride from the north-west."""
@@ -301,7 +313,7 @@ class MapBuilder:
         found, known = layers[0].copy(), own[0] & self.stack.parts(self.ground)[0]
         for layer, mine in zip(layers[1:], own[1:], strict=True):
             here = mine & ~known
-            found[here], known = layer[here], known | here
+            found[..., here], known = layer[..., here], known | here
         return found
 
     def worst_classes(self, classes: NDArray[np.uint8]) -> NDArray[np.uint8]:

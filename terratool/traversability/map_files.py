@@ -118,6 +118,13 @@ def map_paths(path: str | Path) -> list[Path]:
     return [path.with_name(f"{path.stem}{suffix}{path.suffix}") for suffix in _SUFFIXES]
 
 
+def storey_paths(path: str | Path, sheets: int) -> list[Path]:
+    """Paths of the maps of a terrain: that of the lowest tops, and one of each sheet of storeys."""
+    path = Path(path)
+    further = (f"{path.stem}.storey-{number}{path.suffix}" for number in range(1, sheets))
+    return [path, *map(path.with_name, further)]
+
+
 class MapExtent(NamedTuple):
     """Pixels of a map, the bands that follow `NUMBERS`, and the number of headings."""
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.raster.grid import Grid
+from terratool.traversability.layers import Stack
 from terratool.traversability.verdicts import GroundClass, Reason
 
 HEADINGS = 8
@@ -48,6 +49,9 @@ class Survey:
             drifts downhill if it does not; NaN where slip is not known.
         reserve: float32 angle by which the vehicle may lean more until it tips over, rad.
         load: uint8 index of the vehicle's load that binds; None where it has no different loads.
+        stack: layers, one below the other in all arrays; None on terrains without storeys.
+        twins: (height, width) int64, the next cell that is the same place, round.
+        own: (height, width) bool, cells whose tops are those of their layer.
     """
 
     grid: Grid
@@ -64,6 +68,24 @@ class Survey:
     crab: NDArray[np.float32]
     reserve: NDArray[np.float32]
     load: NDArray[np.uint8] | None = None
+    stack: Stack | None = None
+    twins: NDArray[np.int64] | None = None
+    own: NDArray[np.bool_] | None = None
+
+    def flat_rows(self, rows: Any) -> Any:
+        """Rows of the grid of rows of the survey, which has all layers."""
+        return rows if self.stack is None else self.stack.flat_rows(rows)
+
+    def own_rows(self, rows: Any, columns: Any) -> Any:
+        """Rows of the cells that have what these cells show, in their layers."""
+        if self.own is None or self.twins is None:
+            return rows
+        assert self.stack is not None
+        found = np.array(rows)
+        for _ in range(self.stack.layers):
+            other = ~self.own[found, columns]
+            found[other] = self.twins[found, columns][other] // self.own.shape[1]
+        return found
 
     @property
     def headings(self) -> int:

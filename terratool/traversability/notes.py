@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from terratool.field.terrain import Terrain
 from terratool.report.numbers import per_cent
-from terratool.report.wording import count_of, join_words
+from terratool.report.wording import count_of, decks_and_bores, join_words
 from terratool.text.display import quote
 from terratool.traversability.keep_out import Zone
 from terratool.traversability.preparing import PreparedRequest
@@ -67,6 +68,22 @@ def zones_note(zones: Sequence[Zone]) -> Iterator[str]:
             f"It keeps out of {join_words([quote(zone.name) for zone in zones])}: nothing of its "
             "rectangle seen from above enters, with 0.71 pixels to spare, at a heading or between "
             "two."
+        )
+
+
+def storeys_note(terrain: Terrain, vehicle: Vehicle) -> Iterator[str]:
+    """Notes on how storeys were judged, and on headroom."""
+    if terrain.storeys is None:
+        return
+    counts = decks_and_bores(terrain.storeys.decks, terrain.storeys.bores)
+    yield (
+        f"The terrain has {counts}. All tops are judged and count in shares; the picture has the "
+        "lowest ones."
+    )
+    if vehicle.height is None:
+        yield (
+            "Headroom is not judged, as the height of the vehicle is not known: what is over it is "
+            "passed under, however low. Give the vehicle its \"height\"."
         )
 
 

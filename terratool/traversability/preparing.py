@@ -14,8 +14,14 @@ from terratool.report.numbers import pixels
 from terratool.tasks import thread_count
 from terratool.traversability.fineness import parts_of
 from terratool.traversability.keep_out import check_zones
+from terratool.traversability.layers import sheets_of
 from terratool.traversability.map import MapBuilder, default_resolution
-from terratool.traversability.map_files import MapExtent, further_bands, refuse_map
+from terratool.traversability.map_files import (
+    MapExtent,
+    further_bands,
+    refuse_map,
+    storey_paths,
+)
 from terratool.traversability.map_results import FINER_HEADINGS
 from terratool.traversability.ranges import (
     Draws,
@@ -145,13 +151,15 @@ def prepare_assessment(
     grid, routes, headings, notes = _grids(terrain, vehicle, request, map_path is not None)
     if map_path is not None:
         sampled = draws is not None or request.height_error is not None
-        further = further_bands(walks=vehicle.feet is not None, sampled=sampled)
-        refuse_map(terrain, MapExtent(grid, further, headings), Path(map_path), overwrite)
+        roofed, sheets = terrain.storeys is not None, sheets_of(terrain)
+        further = further_bands(walks=vehicle.feet is not None, sampled=sampled, roofed=roofed)
+        for path in storey_paths(map_path, sheets):
+            refuse_map(terrain, MapExtent(grid, further, headings), path, overwrite)
     own = uncertainty(terrain, vehicle, draws, request), request.keep_out
     surveyor, shared = Surveyor(terrain, vehicle, grid, headings, *own), routes == grid
     builder = ways = None
     if request.maps:
-        keep = shared and map_path is not None
+        keep = (shared or terrain.storeys is not None) and map_path is not None
         builder = MapBuilder(terrain, surveyor, keep, turnings(terrain, vehicle))
     if routes is not None:
         on_routes = surveyor if shared else Surveyor(terrain, vehicle, routes, headings, *own)
@@ -244,11 +252,11 @@ def _fewest_headings(terrain: Terrain, vehicle: Vehicle, request: Request, grid:
     start = request.start
     if start is None:
         return first_headings(vehicle)
-    row, column = cell_of(grid, *start)
     fewest = first_headings(vehicle)
     more = finer_headings(grid, fewest) if request.travels else FINER_HEADINGS
     for headings in (fewest, *more):
         surveyor = Surveyor(terrain, vehicle, grid, headings, zones=request.keep_out)
+        row, column = surveyor.cell_of(start) or cell_of(grid, *start[:2])
         seen = survey_window(surveyor, Window(row, column, 1, 1))
         if can_stand(terrain, seen, start, (0, 0)):
             return headings

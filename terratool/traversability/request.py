@@ -18,8 +18,11 @@ from terratool.traversability.ranges import (
 from terratool.traversability.route.graph import Preference
 from terratool.traversability.route.paths import check_inside
 
-Point = tuple[float, float]
-"""World x and y, m."""
+Point = tuple[float, ...]
+"""World x and y, m, and a height on a storey; the ground without one."""
+
+Line = tuple[float, ...]
+"""Start and goal of a route, two or three numbers each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,11 +30,12 @@ class Request:
     """A request: which map, routes and reach of a vehicle to find out.
 
     Attributes:
-        routes: x and y of the start and of the goal of each route, m.
+        routes: x and y of the start and of the goal of each route, m; each with the height of the
+            storey that is meant, or without for the ground.
         waypoints: (n, 2) float64 points of each way that is to be checked, m.
         returns: whether the ways back are wanted, too.
-        start: x and y of the place from which reachable ground counts, m; the largest part of the
-            ground counts if None.
+        start: x and y of the place from which reachable ground counts, m, and the height of its
+            storey, if it is on one; the largest part of the ground counts if None.
         prefer: the quantity that routes minimise.
         alternatives: number of further ways that are wanted of each route, 0 to 9; fewer are found
             where no more differ enough.
@@ -54,7 +58,7 @@ class Request:
         routes_of, start_of: where routes and start were asked for, in words; empty for the user.
     """
 
-    routes: tuple[tuple[float, float, float, float], ...] = ()
+    routes: tuple[Line, ...] = ()
     waypoints: tuple[NDArray[Any], ...] = ()
     returns: bool = False
     start: Point | None = None
@@ -90,6 +94,12 @@ class Request:
         return self.mapped or self.start is not None or not self.travels
 
 
+def ends_of(route: Line) -> tuple[Point, Point]:
+    """Start and goal of a route."""
+    half = len(route) // 2
+    return route[:half], route[half:]
+
+
 def check_places(request: Request, extent: Bounds) -> None:
     """Refuse starts, goals and waypoints that no map of a terrain can have.
 
@@ -111,9 +121,9 @@ def check_places(request: Request, extent: Bounds) -> None:
 def _places(request: Request) -> Iterator[tuple[str, Point]]:
     """All places of a request, x and y in m, each with its name for messages."""
     of = f" of {request.routes_of}" if request.routes_of else ""
-    for x0, y0, x1, y1 in request.routes:
-        yield f"The route's start{of}", (x0, y0)
-        yield f"The route's goal{of}", (x1, y1)
+    for route in request.routes:
+        for what, place in zip(("start", "goal"), ends_of(route), strict=True):
+            yield f"The route's {what}{of}", place
     for points in request.waypoints:
         for number, (x, y) in enumerate(points.tolist(), 1):
             yield f"Waypoint {number}", (x, y)

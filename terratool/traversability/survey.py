@@ -23,7 +23,7 @@ from terratool.traversability.footprint import (
     vehicle_footprint,
 )
 from terratool.traversability.ground import STEEP, GroundPainter, inside_of
-from terratool.traversability.layers import LayerPainter, Stack, sheet_of, sheet_of_elements
+from terratool.traversability.layers import LayerPainter, Stack, sheet_of, sheet_of_elements, sheets_of
 from terratool.traversability.height_error import HeightError, block_shifts, footprint_errors
 from terratool.traversability.keep_out import KeptOut, Zone
 from terratool.traversability.map_results import HEADINGS, MOST_HEADINGS
@@ -260,10 +260,9 @@ class Surveyor:
     @property
     def stack(self) -> Stack:
         """Layers of driving; the ground alone on a terrain without storeys."""
-        sheets = 1 if self.terrain.storeys is None else 1 + len(self.terrain.storeys.sheets)
         # no move leads farther
         gap = _MOST_MOVE + math.ceil(self.vehicle.turning_radius / self.grid.resolution)
-        return Stack(self.grid, sheets, gap)
+        return Stack(self.grid, sheets_of(self.terrain), gap)
 
     @property
     def highest_step(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,15 @@ from terratool.raster.grid import Grid, Window, window_name
 from terratool.raster.painter import id_type
 from terratool.tasks import Work, thread_count
 from terratool.traversability.keep_out import Zone
+from terratool.traversability.layers import copy_from_owners, rings
 from terratool.traversability.map_results import HEADINGS, Survey
+from terratool.traversability.route.paths import cell_of
 from terratool.traversability.survey import Surveyor, Uncertainty, WindowMeasures
 from terratool.traversability.vehicle import Vehicle
+from terratool.traversability.verdicts import Reason, Verdict
 
+_LAYERED = (128, 512)
+"""Rows and columns of windows in which all layers are measured one after the other."""
 TILE = 64
 """Cells along each side of a tile."""
 
@@ -64,9 +70,10 @@ def survey(
 def survey_window(surveyor: Surveyor, window: Window) -> Survey:
     """Survey a window of a surveyor's grid; its own grid is the window's."""
     whole, side = surveyor.grid, surveyor.grid.resolution
+    _, flat = surveyor.stack.split(window)
     grid = Grid(
         whole.west + window.column * side,
-        whole.south + (whole.height - window.row - window.height) * side,
+        whole.south + (whole.height - flat.row - flat.height) * side,
         side, window.height, window.width,
     )  # fmt: skip
     found = _empty_survey(surveyor, grid)
@@ -78,9 +85,9 @@ def survey_window(surveyor: Surveyor, window: Window) -> Survey:
     return found
 
 
-def _empty_survey(surveyor: Surveyor, grid: Grid) -> Survey:
+def _empty_survey(surveyor: Surveyor, grid: Grid, shape: tuple[int, int] | None = None) -> Survey:
     """A survey of zeros; the system takes no memory for zeros before they are overwritten."""
-    flat = (grid.height, grid.width)
+    flat = shape or (grid.height, grid.width)
     deep = (surveyor.headings, *flat)
     return Survey(
         grid,
@@ -128,8 +135,13 @@ class SurveyTiles:
         self._threads, self._take = thread_count(threads), take
         self.side = TILE
         self.progress: Callable[[int], object] | None = None
-        self.known = np.zeros((-(-grid.height // TILE), -(-grid.width // TILE)), np.bool_)
-        self.survey = _empty_survey(surveyor, grid)
+        shape = surveyor.stack.shape
+        self.known = np.zeros((-(-shape[0] // TILE), -(-shape[1] // TILE)), np.bool_)
+        self.survey = _empty_survey(surveyor, grid, shape)
+        self._shown: NDArray[np.int16] | None = None
+        self._own = np.zeros((0, 0), np.bool_)
+        if surveyor.stack.layers > 1:
+            self._shown, self._own = np.full(shape, -1, np.int16), np.zeros(shape, np.bool_)
 
     @classmethod
     def of(cls, survey: Survey | SurveyTiles) -> SurveyTiles:
@@ -137,7 +149,7 @@ class SurveyTiles:
         if isinstance(survey, SurveyTiles):
             return survey
         tiles = cls.__new__(cls)
-        tiles._surveyor = None
+        tiles._surveyor = tiles._shown = None
         height, width = survey.heights.shape
         tiles.survey, tiles.side = survey, TILE
         tiles.known = np.ones((-(-height // TILE), -(-width // TILE)), np.bool_)
@@ -157,10 +169,10 @@ class SurveyTiles:
         """The cells of `count` tiles side by side, from the tile in a row and column."""
         grid = self.survey.grid
         top, left = row * self.side, column * self.side
+        height = len(self.survey.heights)
         return Window(
-            top, left, min(self.side, grid.height - top),
-            min(count * self.side, grid.width - left),
-        )  # fmt: skip
+            top, left, min(self.side, height - top), min(count * self.side, grid.width - left)
+        )
 
     def make(self, tile: int, goal: tuple[int, int]) -> list[int]:
         """Compute a tile, and with other threads those beside it that are nearer to a cell `goal`.
@@ -199,11 +211,44 @@ class SurveyTiles:
             columns: (n,) columns of cells.
             crew: crew that measures; threads of the survey's own if None.
         """
+        if self._shown is not None:
+            self._complete_layers(crew)
+            return self.survey
         held = np.zeros_like(self.known)
         tiles = (np.asarray(cells, np.int64) // self.side for cells in (rows, columns))
         held[tuple(tiles)] = True
         self._make(list(self._runs(~self.known & (held if held.any() else ~held))), crew)
         return self.survey
+
+    def _complete_layers(self, crew: Crew | None) -> None:
+        """Compute all layers, if not yet known; what a layer shows of others is as they have it."""
+        if self.known.all():
+            return
+        assert self._surveyor is not None and self._shown is not None
+        stack = self._surveyor.stack
+        self._measure(list(stack.windows(*_LAYERED)), crew)
+        self.known[:] = True
+        found, own = self.survey, self._own
+
+        def copied(values: NDArray[Any], nothing: float = 0) -> NDArray[Any]:
+            assert self._shown is not None
+            return copy_from_owners(values, own, self._shown, stack, nothing)
+
+        planes = {name: copied(getattr(found, name)) for name in ("surfaces", *_PLANES)}
+        load = None if found.load is None else copied(found.load)
+        self.survey = replace(
+            found, **planes, heights=copied(found.heights, np.nan),
+            verdict=copied(found.verdict, Verdict.NO_GO),
+            reason=copied(found.reason, Reason.NO_GROUND), load=load,
+            stack=stack, twins=rings(self._shown, stack), own=own,
+        )  # fmt: skip
+
+    def cell_of(self, place: tuple[float, ...]) -> tuple[int, int]:
+        """Row and column of the cell that holds a place; the ground's where that is of two."""
+        found = None
+        if self._surveyor is not None and self._shown is not None:
+            found = self._surveyor.cell_of(place)
+        return found or cell_of(self.survey.grid, *place[:2])
 
     @property
     def zones(self) -> tuple[Zone, ...]:
@@ -232,6 +277,7 @@ class SurveyTiles:
             return None
         assert self._surveyor is not None
         out = np.zeros((len(rows), self.uncertainty.words), np.uint64)
+        rows = self.survey.own_rows(rows, columns)
         tiles = rows // self.side * self.known.shape[1] + columns // self.side
         for tile in np.unique(tiles).tolist():
             at = np.flatnonzero(tiles == tile)
@@ -259,6 +305,17 @@ class SurveyTiles:
         """Compute windows of whole tiles, and mark these as known."""
         if not wanted:
             return
+        if self._shown is not None:
+            self._complete_layers(crew)
+            return
+        self._measure(wanted, crew)
+        for window in wanted:
+            row, column = window.row // self.side, window.column // self.side
+            rows, columns = -(-window.height // self.side), -(-window.width // self.side)
+            self.known[row : row + rows, column : column + columns] = True
+
+    def _measure(self, wanted: list[Window], crew: Crew | None = None) -> None:
+        """Measure windows into the survey."""
         assert self._surveyor is not None
         windows = [inner for window in wanted for inner in self._surveyor.windows(window)]
         work = Work(_measure, (self._surveyor, self._take is not None), name=window_name)
@@ -266,14 +323,13 @@ class SurveyTiles:
         with contextlib.closing(crew.run(work, windows)) as measured:
             for window, found in zip(windows, measured, strict=True):
                 _store(self.survey, part_of(window), found)
+                if self._shown is not None and found.shown is not None:
+                    self._shown[part_of(window)] = found.shown
+                    self._own[part_of(window)] = found.own
                 if self._take is not None:
                     self._take(window, found)
                 if self.progress:
                     self.progress(window.height * window.width)
-        for window in wanted:
-            row, column = window.row // self.side, window.column // self.side
-            rows, columns = -(-window.height // self.side), -(-window.width // self.side)
-            self.known[row : row + rows, column : column + columns] = True
 
 
 def _measure(common: tuple[Surveyor, bool], window: Window) -> WindowMeasures:

@@ -197,6 +197,8 @@ def barrier(bar: Barrier) -> str:
     what = "something" if bar.reason == Reason.NONE else bar.reason.label
     by = f", {printable(bar.bars)}" if bar.bars and bar.reason != Reason.EDGE else ""
     wide = f", for {numbers.length(bar.width)}" if bar.width > 0 else ""
+    if bar.reason == Reason.HEADROOM:
+        return f"{what} {printable(bar.bars)} at {coordinates(bar.place)}{wide}"
     return f"{what} at {coordinates(bar.place)}{by}{wide}"
 
 

@@ -15,6 +15,7 @@ from terratool.field.types import PointSamples
 from terratool.report.numbers import coordinates
 from terratool.text.display import quote
 from terratool.traversability.keep_out import zone_at
+from terratool.traversability.layers import sample_near, seen_from, top_near
 from terratool.traversability.limits import level_demand
 from terratool.traversability.map_results import Survey
 from terratool.traversability.route.graph import drivable, turnable, turning_arc
@@ -48,8 +49,8 @@ _LEVEL = 1.0
 
 Cell = tuple[int, int]
 """Row and column of a cell of a survey."""
-Point = tuple[float, float]
-"""World x and y, m."""
+Point = tuple[float, ...]
+"""World x and y, m, and a height where one of several tops is meant."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,14 +111,16 @@ def barriers(on: RouteSite, path: Path) -> tuple[Barrier, ...]:
         heading = 2.0 * math.pi * int(path.judged[first]) / survey.headings
         if reason == Reason.TURNING:
             ground = _turning_ground(
-                on, int(survey.surfaces[path.row[first], path.column[first]]), (x, y)
-            )
+                on, int(survey.surfaces[path.row[first], path.column[first]]),
+                (x, y, float(path.height[first])),
+            )  # fmt: skip
         else:
-            ground = _barring(on, reason, Pose(x, y, heading))
+            z = float(path.height[first])
+            ground = _barring(on, reason, Pose(x, y, heading, z))
         at = int(path.judged[first]), int(path.row[first]), int(path.column[first])
         found.append(
             Barrier(
-                location_at(on.terrain, x, y),
+                location_at(on.terrain, x, y, _z_of(path.height[first])),
                 reason,
                 ground.name + _slope_text(survey, reason, at),
                 float(width[first:end].sum()),
@@ -149,7 +152,7 @@ def _barring(on: RouteSite, reason: Reason, pose: Pose) -> BarringGround:
 
 def _turning_ground(on: RouteSite, surface: int, place: Point) -> BarringGround:
     """The ground on which the vehicle cannot turn; its name has the measure that binds, too."""
-    element = int(on.terrain.sample(*place).element)
+    element = int(sample_near(on.terrain, *place).element)
     found = _ground_of(on.terrain, element, f"surface {quote(on.terrain.surfaces[surface - 1])}")
     reason = on.turns[surface].reason
     by = "" if reason == Reason.TURNING else f", by {reason.label}"
@@ -163,11 +166,15 @@ def _ground_of(terrain: Terrain, element: int, surface: str) -> BarringGround:
 
 
 class Pose(NamedTuple):
-    """A pose: the place of a vehicle's middle, m, and its heading, rad clockwise from north."""
+    """A pose: the place of a vehicle's middle, m, and its heading, rad clockwise from north.
+
+    On a terrain with storeys `z` tells on which top it stands.
+    """
 
     x: float
     y: float
     heading: float
+    z: float = math.nan
 
 
 def barring_ground(
@@ -184,6 +191,8 @@ def barring_ground(
     """
     if reason == Reason.EDGE:
         return BarringGround("the edge of the terrain")
+    if reason == Reason.HEADROOM:
+        return _roof(terrain, vehicle, pose, cell)
     if reason in _SHAPES:
         spot = _wall_spot(terrain, vehicle, pose, cell)
     elif reason == Reason.NO_GROUND:
@@ -199,6 +208,28 @@ def barring_ground(
     size = f", {abs(rise):.2g} m {'high' if rise > 0.0 else 'deep'}" if rise else ""
     found = _ground_of(terrain, spot.element, name)
     return found._replace(name=found.name + size * (reason == Reason.STEP))
+
+
+def _z_of(height: float) -> float | None:
+    """A height of a path; None where it has none."""
+    return None if math.isnan(height) else float(height)
+
+
+def _roof(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> BarringGround:
+    """What is over a vehicle where there is least room, and how much, as a name."""
+    xs, ys = _rectangle_lattice(vehicle, pose, cell)
+    seen = seen_from(terrain, xs, ys, pose.z, vehicle.wheel.radius)
+    at = np.unravel_index(int(np.argmin(seen.room)), xs.shape)
+    pointer = terrain.pointer(int(seen.over[at])) or "the ground"
+    name = f"{seen.room[at]:.3g} m below {pointer}"
+    return BarringGround(name, re.split(r"[>[]", pointer, maxsplit=1)[0] if seen.over[at] >= 0 else "")
+
+
+def _samples(terrain: Terrain, vehicle: Vehicle, pose: Pose, xs: Any, ys: Any) -> PointSamples:
+    """Samples of what lies before a vehicle, at points around it."""
+    if terrain.storeys is None or math.isnan(pose.z):
+        return terrain.sample(xs, ys)
+    return seen_from(terrain, xs, ys, pose.z, vehicle.wheel.radius).found
 
 
 class _Spot(NamedTuple):
@@ -251,7 +282,7 @@ def _world_places(
 def _wall_spot(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> _Spot:
     """The place where heights differ most, on its higher side, or the lower one in a hole."""
     xs, ys = _rectangle_lattice(vehicle, pose, cell)
-    found = terrain.sample(xs, ys)
+    found = _samples(terrain, vehicle, pose, xs, ys)
     height, element = found.height, found.element
     rises = [np.abs(np.diff(height, axis=axis)) for axis in (0, 1)]
     largest = [0.0 if np.all(np.isnan(rise)) else float(np.nanmax(rise)) for rise in rises]
@@ -263,7 +294,9 @@ def _wall_spot(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> _
     high, low = (one, other) if height[one] > height[other] else (other, one)
     higher, lower = int(element[high]), int(element[low])
     hole = f"{terrain.pointer(lower) or ''}/".startswith(f"{terrain.pointer(higher) or ''}/")
-    wall = _wall_height(terrain, np.array([xs[high], ys[high]]), np.array([xs[low], ys[low]]))
+    wall = float(height[high] - height[low])
+    if terrain.storeys is None:
+        wall = _wall_height(terrain, np.array([xs[high], ys[high]]), np.array([xs[low], ys[low]]))
     return _spot(found, low, -wall) if hole else _spot(found, high, wall)
 
 
@@ -284,7 +317,7 @@ def _wall_height(terrain: Terrain, high: NDArray[np.float64], low: NDArray[np.fl
 def _void_spot(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> _Spot:
     """The nearest place on the terrain that has an element and no ground."""
     xs, ys = _rectangle_lattice(vehicle, pose, cell)
-    found = terrain.sample(xs, ys)
+    found = _samples(terrain, vehicle, pose, xs, ys)
     void = np.isnan(found.height) & (found.element >= 0)
     if not void.any():
         return _Spot(-1, -1)
@@ -297,7 +330,7 @@ def _weakest_spot(terrain: Terrain, vehicle: Vehicle, reason: Reason, pose: Pose
     offset, side = vehicle.middle, 0.5 * vehicle.track_width
     along = np.array([axle.x - offset for axle in vehicle.axles for _ in (0, 1)])
     across = np.array([side * sign for _ in vehicle.axles for sign in (-1.0, 1.0)])
-    found = terrain.sample(*_world_places(pose, along, across))
+    found = _samples(terrain, vehicle, pose, *_world_places(pose, along, across))
     known = soils(terrain, vehicle)
 
     def weakness(surface: int) -> float:
@@ -330,7 +363,7 @@ class Blockage(NamedTuple):
     def words(self) -> str:
         """The measure and the ground, for people."""
         name = self.ground.name
-        return f"{self.reason.label}, by {name}" if name else self.reason.label
+        return barred_words(self.reason, name)
 
 
 def blockage_at(on: RouteSite, place: Point, cell: Cell) -> Blockage:
@@ -338,14 +371,22 @@ def blockage_at(on: RouteSite, place: Point, cell: Cell) -> Blockage:
     survey = on.survey
     used = np.nan_to_num(survey.utilisation[:, *cell], nan=np.inf, posinf=np.inf)
     heading = int(np.argmin(used))
-    void = math.isnan(on.terrain.height(*place))
+    void = math.isnan(top_near(on.terrain, *place))
     reason = Reason.NO_GROUND if void else Reason(int(survey.reason[heading, *cell]))
     if reason == Reason.EDGE:
         return Blockage(reason, BarringGround(""))
-    pose = Pose(*place, 2.0 * math.pi * heading / survey.headings)
+    z = float(survey.heights[cell])
+    pose = Pose(place[0], place[1], 2.0 * math.pi * heading / survey.headings, z)
     by = _barring(on, reason, pose)
     name = by.name + _slope_text(survey, reason, (heading, *cell))
     return Blockage(reason, by._replace(name=name))
+
+
+def barred_words(reason: Reason, name: str) -> str:
+    """A measure and the ground that decides it, for people."""
+    if not name:
+        return reason.label
+    return f"{reason.label} {name}" if reason == Reason.HEADROOM else f"{reason.label}, by {name}"
 
 
 class BlockedPlace(NamedTuple):

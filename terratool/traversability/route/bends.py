@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -20,7 +21,13 @@ from terratool.traversability.route.graph import (
     arc_of,
     heading_offsets,
 )
-from terratool.traversability.route.paths import Path, headings_beside, worst_of
+from terratool.traversability.route.paths import (
+    Path,
+    followed,
+    headings_beside,
+    path_heights,
+    worst_of,
+)
 
 Corners = NDArray[np.float64]
 """(n, 7) corners of a way: row and column, in sides of a cell from the middle of the first one;
@@ -189,6 +196,9 @@ def bent_path(corners: Corners, survey: Survey, terrain: Terrain | None = None) 
     shares = np.where(corner, rest, 1.0 - rest).prod(axis=-1)
     around = np.clip(whole[:, None] + corner, 0, most).astype(np.int64)
     home = np.clip(np.floor(exact + 0.5), 0, most).astype(np.int64)[:, None]
+    if survey.stack is not None and fine:
+        rows, _ = followed(survey, home[:, 0, 0], home[:, 0, 1])
+        home[:, 0, 0], around = rows, around + np.array([1, 0]) * (rows - home[:, 0, 0])[:, None, None]
     alone = (nearest[:, None] > 0.0) | (shares <= 0.0)
     options = np.empty((len(exact), 8, 3), np.int64)
     options[:, :4, 0], options[:, 4:, 0] = low[:, None], high[:, None]
@@ -196,16 +206,18 @@ def bent_path(corners: Corners, survey: Survey, terrain: Terrain | None = None) 
     judged, rows, columns = worst_of(options, survey).T
     grid = survey.grid
     x = grid.west + (column + 0.5) * grid.resolution
-    y = grid.bounds[3] - (row + 0.5) * grid.resolution
+    y = grid.bounds[3] - (survey.flat_rows(row) + 0.5) * grid.resolution
+    heading = np.round(direction * count / 360.0).astype(np.int64) % count
+    nowhere = np.full_like(x, np.nan)
+    path = Path(x, y, nowhere, rows, columns, heading, judged, direction)
     if terrain is None:
         known = survey.heights[tuple(around.transpose(2, 0, 1))].astype(np.float64)
         weight = np.where(np.isnan(known), 0.0, shares)
         with np.errstate(invalid="ignore"):
             height = (np.nan_to_num(known) * weight).sum(axis=1) / weight.sum(axis=1)
     else:
-        height = np.asarray(terrain.height(x, y), np.float64)
-    heading = np.round(direction * count / 360.0).astype(np.int64) % count
-    return Path(x, y, height, rows, columns, heading, judged, direction)
+        height = path_heights(path, survey, terrain)
+    return replace(path, height=height)
 
 
 class Rounding(NamedTuple):

@@ -425,6 +425,9 @@ class Costs:
         backward: weight of a metre backwards.
         shift: metres at the rate of the cell that a change of gear costs, of car-like vehicles.
         least: lower bound of the rates.
+        twins: (height, width) int64, the next cell that is the same place, round; None where all
+            differ.
+        pitch: rows from a layer of cells to the next one.
     """
 
     moves: Moves
@@ -439,13 +442,19 @@ class Costs:
     backward: float
     shift: float
     least: float
+    twins: NDArray[np.int64] | None
+    pitch: int
 
     @classmethod
     def of(
         cls, rate: NDArray[np.float32], flags: NDArray[np.uint8], heights: NDArray[np.float32],
-        resolution: float, turns: Turns, least: float, tile: int = 0,
+        resolution: float, turns: Turns, least: float, tile: int = 0, layered: Survey | None = None,
     ) -> Costs:  # fmt: skip
-        """Costs of a vehicle that turns so; all cells are known where `tile` is 0."""
+        """Costs of a vehicle that turns so; all cells are known where `tile` is 0.
+
+        `layered` is the survey whose layers the cells have.
+        """
+        stack = None if layered is None else layered.stack
         headings, height, width = rate.shape
         side = tile or max(height, width)
         known = np.full((-(-height // side), -(-width // side)), not tile)
@@ -454,6 +463,7 @@ class Costs:
         return cls(
             moves_of(headings, turns.radius / resolution), rate, flags, heights, known, side, turn,
             runs, resolution, BACKWARD, SHIFT * turns.radius, least,
+            None if layered is None else layered.twins, height if stack is None else stack.pitch,
         )  # fmt: skip
 
 

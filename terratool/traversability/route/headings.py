@@ -164,7 +164,10 @@ class WayFinder:
             return find_alternatives(route, grid, width, prefer, count, search)
 
         def barred() -> NDArray[np.bool_]:
-            return np.asarray((tiles.survey.verdict == Verdict.NO_GO).all(axis=0))
+            never, survey = (tiles.survey.verdict == Verdict.NO_GO).all(axis=0), tiles.survey
+            if survey.stack is None:
+                return np.asarray(never)
+            return np.asarray(np.any(survey.stack.parts(never & survey.own), axis=0))
 
         # ways of cars are not pulled straight, and so run beside each other where they could be one
         width += 2.0 * self._vehicle.turning_radius
@@ -192,7 +195,7 @@ class WayFinder:
     def stands(self, place: Point) -> bool:
         """Whether the vehicle can stand at a place, with any of the finest headings."""
         tiles = self._survey_with((self.tiles.survey.headings, *self.finer)[-1])
-        row, column = cell_of(tiles.survey.grid, *place)
+        row, column = tiles.cell_of(place)
         return can_stand(self._terrain, tiles.complete([row], [column]), place, (row, column))
 
     def _survey_with(self, headings: int) -> SurveyTiles:
@@ -261,6 +264,8 @@ def _may_open(search: RouteSearch, many: SurveyTiles) -> bool:
     from one end to the other: the cells that a longer move passes are neighbours, too.
     """
     (start, goal), on = search.ends, search.on
+    if on.survey.stack is not None:
+        return True
     never = _over_the_edge(on.terrain, on.survey.grid, on.vehicle)
     passable = _Passable(on.tiles, many, never)
     beside = np.zeros_like(passable.some)

@@ -128,11 +128,12 @@ def _chances(
 def leads_back(path: Path, on: RouteSite) -> bool:
     """Whether the cells of a path, and those beside them, can be driven back to its beginning."""
     grid = on.survey.grid
+    height, width = on.survey.heights.shape
     top, left = max(path.row.min() - 1, 0), max(path.column.min() - 1, 0)
-    own = np.zeros(
-        (min(path.row.max() + 2, grid.height) - top, min(path.column.max() + 2, grid.width) - left),
-        np.bool_,
-    )
+    low, right = min(path.row.max() + 2, height), min(path.column.max() + 2, width)
+    if on.survey.stack is not None:  # twins are numbered in all of it
+        top, left, low, right = 0, 0, height, width
+    own = np.zeros((low - top, right - left), np.bool_)
     rows, columns = path.row - top, path.column - left
     for down in (-1, 0, 1):
         for right in (-1, 0, 1):
@@ -143,11 +144,16 @@ def leads_back(path: Path, on: RouteSite) -> bool:
     at = np.nonzero(own)
     survey = on.tiles.complete(at[0] + top, at[1] + left)
     part = np.s_[top : top + own.shape[0], left : left + own.shape[1]]
+    twins = survey.twins
+    if twins is not None:
+        assert survey.stack is not None
+        for _ in range(survey.stack.layers):
+            own.flat[twins[own]] = True
     bits = heading_bits(drivable(survey, part) & own)
     begin = begin_at(bits, (int(rows[-1]), int(columns[-1])))
     turns = turnable(survey, on.turns, part)
     radius = on.vehicle.turning_radius / grid.resolution
-    back = spread(bits, survey.headings, begin, places=Places(turns), radius=radius)
+    back = spread(bits, survey.headings, begin, places=Places(turns, twins), radius=radius)
     return bool(back[rows[0], columns[0]])
 
 

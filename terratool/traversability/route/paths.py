@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -21,6 +21,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import Grid
 from terratool.report.numbers import coordinates
+from terratool.traversability.layers import sample_near, top_near
 from terratool.traversability.map_results import Survey
 from terratool.traversability.route.drifting import drift_along
 from terratool.traversability.route.graph import (
@@ -137,7 +138,7 @@ def graph_path(states: NDArray[np.int64], survey: Survey) -> Path:
     rows, columns, headings, judgements = np.array(samples, np.int64).T
     grid = survey.grid
     x = grid.west + (exact[:, 1] + 0.5) * grid.resolution
-    y = grid.bounds[3] - (exact[:, 0] + 0.5) * grid.resolution
+    y = grid.bounds[3] - (survey.flat_rows(exact[:, 0]) + 0.5) * grid.resolution
     height = survey.heights[rows, columns].astype(np.float64)
     direction = headings * (360.0 / survey.headings)
     return Path(x, y, height, rows, columns, headings, judgements, direction)
@@ -298,7 +299,7 @@ def pulled_path(corners: NDArray[np.int64], survey: Survey) -> Path:
         share = np.maximum(rest_down, rest_right) / steps
         low, high = (survey.heights[tuple(at.T)].astype(np.float64) for at in (near, other))
         x = grid.west + (column + right * step / steps + 0.5) * grid.resolution
-        y = grid.bounds[3] - (row + down * step / steps + 0.5) * grid.resolution
+        y = grid.bounds[3] - (survey.flat_rows(row + down * step / steps) + 0.5) * grid.resolution
         towards = _snapped(math.degrees(math.atan2(right, -down)) % 360.0, survey.headings)
         cells = np.stack([near, other], axis=1)
         legs.append(Leg(x, y, cells, towards, sign, side))
@@ -318,17 +319,64 @@ def straight_path(terrain: Terrain, survey: Survey, points: NDArray[np.float64])
     worse. Between two legs the vehicle turns on the spot, the shorter way round.
     """
     legs: list[Leg] = []
+    number = None
     for (x, y), (to_x, to_y) in pairwise(points.tolist()):
         towards = _snapped(math.degrees(math.atan2(to_x - x, to_y - y)) % 360.0, survey.headings)
         steps = math.ceil(_PER_CELL * math.hypot(to_x - x, to_y - y) / survey.grid.resolution)
         share = np.arange(steps + 1) / steps
         xs, ys = x + share * (to_x - x), y + share * (to_y - y)
         xs[-1], ys[-1] = to_x, to_y
-        cells = np.stack(cells_of(survey.grid, xs, ys), axis=-1)[:, None]
+        rows, columns = cells_of(survey.grid, xs, ys)
+        if survey.stack is not None:
+            rows, number = followed(survey, rows, columns, number)
+        cells = np.stack([rows, columns], axis=-1)[:, None]
         turn = (towards - legs[-1].towards) % 360.0 if legs else 0.0
         legs.append(Leg(xs, ys, cells, towards, side=1 if turn < 180.0 else -1))
     path = legs_path(legs, survey)
-    return replace(path, height=terrain.height(path.x, path.y))
+    return replace(path, height=path_heights(path, survey, terrain))
+
+
+def path_heights(path: Path, survey: Survey, terrain: Terrain) -> NDArray[np.float64]:
+    """Heights of the tops that a path lies on, (n,) m."""
+    if survey.stack is None:
+        return np.asarray(terrain.height(path.x, path.y), np.float64)
+    return np.asarray(top_near(terrain, path.x, path.y, survey.heights[path.row, path.column]))
+
+
+def followed(
+    survey: Survey, rows: NDArray[np.int64], columns: NDArray[np.int64], number: int | None = None
+) -> tuple[NDArray[np.int64], int]:
+    """Rows in all layers of cells of the grid one after the other, and the layer that it ends in.
+
+    From cell to cell the vehicle stays on what its layer shows. It begins in a layer by its number,
+    on the lowest top if None.
+    """
+    stack, own, twins = survey.stack, survey.own, survey.twins
+    assert stack is not None and own is not None and twins is not None
+    if number is None:
+        at = rows[0] + stack.pitch * np.arange(stack.layers), columns[0]
+        heights = np.where(own[at], survey.heights[at], np.inf)
+        number = int(np.nanargmin(heights)) if np.isfinite(heights).any() else 0
+    out = np.empty_like(rows)
+    for n, (row, column) in enumerate(zip(rows.tolist(), columns.tolist(), strict=True)):
+        out[n] = row + number * stack.pitch
+        if not math.isnan(survey.heights[out[n], column]):
+            out[n] = survey.own_rows(out[n : n + 1], columns[n : n + 1])[0]
+            number = int(out[n]) // stack.pitch
+    return out, number
+
+
+def joined_path(paths: Sequence[Path]) -> Path:
+    """Paths one after the other, each of which begins where the one before ends."""
+    if len(paths) == 1:
+        return paths[0]
+    kept = [paths[0]]
+    for before, path in pairwise(paths):
+        same = abs(before.direction[-1] - path.direction[0]) < _SAME
+        kept.append(
+            Path(*(getattr(path, one.name)[1 if same else 0 :] for one in fields(path)))
+        )
+    return Path(*(np.concatenate([getattr(p, one.name) for p in kept]) for one in fields(Path)))
 
 
 def reversed_path(path: Path, headings: int) -> Path:
@@ -450,7 +498,7 @@ def profile(path: Path, survey: Survey, terrain: Terrain, cost: DrivingCost) -> 
         tuple(names[i] for i in survey.surfaces[path.row, path.column].tolist()),
         tuple(
             terrain.pointer(element) or "" if element >= 0 else ""
-            for element in terrain.sample(path.x, path.y).element.tolist()
+            for element in sample_near(terrain, path.x, path.y, path.height).element.tolist()
         ),
         crab,
         drift_along(path.x, path.y, begins, crab[1:]),
@@ -466,7 +514,9 @@ def find_extreme(
     if np.all(np.isnan(values)):
         return None
     n = int(np.nanargmax(np.abs(values) if of_size else values))
-    place = location_at(terrain, float(profile.x[n]), float(profile.y[n]))
+    place = location_at(
+        terrain, float(profile.x[n]), float(profile.y[n]), float(profile.height[n])
+    )
     return Extreme(float(values[n]), place, Reason(int(profile.reason[n])))
 
 
@@ -477,9 +527,9 @@ def worst_verdict(verdicts: NDArray[np.uint8]) -> Verdict:
     return Verdict(int(verdicts.max())) if np.all(verdicts) else Verdict.UNKNOWN
 
 
-def location_at(terrain: Terrain, x: float, y: float) -> Location:
-    """The height, surface and element at a point."""
-    found = terrain.sample(x, y)
+def location_at(terrain: Terrain, x: float, y: float, z: float | None = None) -> Location:
+    """The height, surface and element at a point: of the top nearest to z, the lowest if None."""
+    found = sample_near(terrain, x, y, z)
     height, surface = float(found.height), int(found.surface)
     return Location(
         x,
@@ -490,19 +540,19 @@ def location_at(terrain: Terrain, x: float, y: float) -> Location:
     )
 
 
-def check_inside(what: str, place: tuple[float, float], parts: Mapping[str, Bounds]) -> None:
+def check_inside(what: str, place: tuple[float, ...], parts: Mapping[str, Bounds]) -> None:
     """Refuse a place outside the terrain, or outside a part of it.
 
     Args:
         what: name of the place, for people.
-        place: x and y, m.
+        place: x and y, m, and a height where it has one.
         parts: west, south, east and north of the terrain and of the part, m, by their names for
             people.
 
     Raises:
         RequestError: the place lies outside one of them, or is no number.
     """
-    x, y = place
+    x, y = place[:2]
     for name, (west, south, east, north) in parts.items():
         if not (west <= x <= east and south <= y <= north):
             sides = coordinates((west, south, east, north))

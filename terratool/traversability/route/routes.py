@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,6 +18,7 @@ from terratool.raster.grid import Grid, grid_over
 from terratool.report import numbers
 from terratool.report.numbers import coordinates
 from terratool.traversability.fineness import coarsest_resolution
+from terratool.traversability.layers import top_near
 from terratool.traversability.map_results import HEADINGS, Survey
 from terratool.traversability.route.barriers import (
     BlockedPlace,
@@ -54,10 +56,10 @@ from terratool.traversability.route.graph import (
 from terratool.traversability.route.outcome import leads_back, with_barriers, with_way
 from terratool.traversability.route.paths import (
     Path,
-    cell_of,
     check_inside,
     driving_cost,
     graph_path,
+    joined_path,
     location_at,
     profile,
     pulled_path,
@@ -67,7 +69,7 @@ from terratool.traversability.route.paths import (
 from terratool.traversability.route.reach import (
     Connected,
     Places,
-    begin_from,
+    begin_at,
     connected_cells,
     heading_bits,
 )
@@ -80,7 +82,7 @@ from terratool.traversability.route.results import (
 from terratool.traversability.soil import turnings
 from terratool.traversability.tiles import SurveyTiles, part_of
 from terratool.traversability.vehicle import Vehicle
-from terratool.traversability.verdicts import RANKS, Verdict
+from terratool.traversability.verdicts import RANKS, Reason, Verdict
 
 MOST_STATES = 6_000_000
 """Most states, headings times cells, of a route's grid."""
@@ -201,7 +203,7 @@ def search_route(
     tiles = SurveyTiles.of(survey)
     places = start, goal
     ends = tuple(
-        _cell_inside(terrain, tiles.survey, place, f"The route's {what}")
+        _cell_inside(terrain, tiles, place, f"The route's {what}")
         for what, place in zip(("start", "goal"), places, strict=True)
     )
     tiles.complete(*np.array(ends).T)
@@ -210,6 +212,10 @@ def search_route(
     if not stands[0]:
         return RouteSearch(on, places, ends, stands, None)
     costs, fill = _costs(on, prefer)
+    if penalties is not None and (stack := tiles.survey.stack) is not None:
+        flat, penalties = penalties, np.ones(tiles.survey.heights.shape, np.float32)
+        for part in stack.parts(penalties):
+            part[:] = flat
     if penalties is None:
         found = _search_tiles(on, costs, fill, ends, most_tiles)
     else:
@@ -270,10 +276,15 @@ class RouteSearch:
         survey, radius = self.on.survey, self.on.vehicle.turning_radius
         if radius and len(self.found.states) > 1:
             return self._bent_way(route, radius / survey.grid.resolution)
-        chain = graph_path(self.found.states, survey)
+        pieces = self._pieces()
+        chains = [graph_path(one.states, survey) for one in pieces]
+        chain = joined_path(chains)
         for both in (False, True):
-            corners = pulled(self.costs, self.found, both, self.near)
-            path = pulled_path(corners, survey) if len(corners) > 1 else chain
+            paths = []
+            for piece, own in zip(pieces, chains, strict=True):
+                corners = pulled(self.costs, piece, both, self.near)
+                paths.append(pulled_path(corners, survey) if len(corners) > 1 else own)
+            path = joined_path(paths)
             one_way = not leads_back(path, self.on)
             if one_way and leads_back(chain, self.on):
                 continue
@@ -283,25 +294,38 @@ class RouteSearch:
                 return found
         return with_way(route, chain, self.on, not leads_back(chain, self.on))
 
+    def _pieces(self) -> list[SearchResult]:
+        """The way that was found, cut where it comes from a layer to another one."""
+        assert self.found is not None
+        parts = by_layer(self.found.states, self.on.survey)
+        return [replace(self.found, states=one) for one in parts]
+
     def _bent_way(self, route: Route, radius: float) -> Route:
         """Complete a route of a vehicle that bends, as `_way` does; `radius` in sides of a cell."""
         assert self.found is not None and self.costs is not None
         survey = self.on.survey
-        chain = corners_of(self.found.states, survey.headings, radius)
+        chain = _bent_chain(self.found.states, survey, radius)
         # which makes what lies beside it known, too
-        chain_leads_back = leads_back(bent_path(chain, survey), self.on)
+        chain_leads_back = leads_back(chain, self.on)
+        pieces = self._pieces()
         for both in (False, True):
-            corners = pulled_corners(self.costs, self.found, radius, both, self.near)
-            back = bent_path(reversed_corners(corners), survey)
-            one_way = not back.is_drivable(survey)
+            paths, backs = [], []
+            for piece in pieces:
+                corners = pulled_corners(self.costs, piece, radius, both, self.near)
+                if len(corners) > 1:
+                    paths.append(bent_path(corners, survey))
+                    backs.append(bent_path(reversed_corners(corners), survey))
+                else:
+                    paths.append(graph_path(piece.states, survey))
+            one_way = not all(back.is_drivable(survey) for back in backs)
             if one_way and chain_leads_back and not both:
                 continue
             # there is a way back beside the moves, if the car cannot back up all along
             one_way &= not chain_leads_back
-            found = with_way(route, bent_path(corners, survey), self.on, one_way)
+            found = with_way(route, joined_path(paths), self.on, one_way)
             if not found.strays:
                 return found
-        return with_way(route, bent_path(chain, survey), self.on, not chain_leads_back)
+        return with_way(route, chain, self.on, not chain_leads_back)
 
     def route(self) -> Route:
         """The route with its way, or with barriers, which take a second search."""
@@ -321,7 +345,10 @@ class RouteSearch:
         if self.has_way:
             return self._way(route)
         nearest = _nearest_marked(on.terrain, on.survey, self.found.reached, ends[1])
-        between = barriers(on, _least_resistance(on, ends[0], ends[1]))
+        way = _least_resistance(on, ends[0], ends[1])
+        if way is None:
+            return with_barriers(route, (_apart(goal, nearest),), nearest, note)
+        between = barriers(on, way)
         # the goal's cell may be reachable although the goal itself has no ground
         bars = between or (_barrier_at(on, goal, ends[1]),)
         return with_barriers(route, bars, nearest, note)
@@ -329,13 +356,41 @@ class RouteSearch:
 
 def can_stand(terrain: Terrain, survey: Survey, place: Point, cell: Cell) -> bool:
     """Whether a place has ground, and the vehicle can be at its cell with any heading."""
-    return not math.isnan(terrain.height(*place)) and bool(drivable(survey, np.s_[cell]).any())
+    return not math.isnan(top_near(terrain, *place)) and bool(drivable(survey, np.s_[cell]).any())
 
 
 def _barrier_at(on: RouteSite, at: Location, cell: Cell) -> Barrier:
     """The barrier at a place where the vehicle cannot stand; its width is 0."""
     reason, ground = blockage_at(on, (at.x, at.y), cell)
     return Barrier(at, reason, ground.name, 0.0, ground.pointer)
+
+
+def _apart(goal: Location, nearest: Location) -> Barrier:
+    """The barrier of a goal to whose storey nothing leads; its width is 0."""
+    name = f'{goal.element} (surface "{goal.surface}")' if goal.element else "no element"
+    if goal.height is not None and nearest.height is not None:
+        rise = goal.height - nearest.height
+        name += f", {abs(rise):.2g} m {'high' if rise > 0.0 else 'deep'}"
+    return Barrier(nearest, Reason.STEP, name, 0.0, re.split(r"[>[]", goal.element, maxsplit=1)[0])
+
+
+def by_layer(states: NDArray[np.int64], survey: Survey) -> list[NDArray[np.int64]]:
+    """Parts of a way, (n, 3) states, that lie in one layer each; the next begins where one ends."""
+    if survey.stack is None:
+        return [states]
+    return np.split(states, np.flatnonzero(np.diff(states[:, 1] // survey.stack.pitch)) + 1)
+
+
+def _bent_chain(states: NDArray[np.int64], survey: Survey, radius: float) -> Path:
+    """The samples of moves and arcs of a way; `radius` in sides of a cell."""
+    return joined_path(
+        [
+            bent_path(corners_of(one, survey.headings, radius), survey)
+            if len(one) > 1
+            else graph_path(one, survey)
+            for one in by_layer(states, survey)
+        ]
+    )
 
 
 def check_route(
@@ -358,7 +413,7 @@ def check_route(
     tiles = SurveyTiles.of(survey)
     places = [(float(x), float(y)) for x, y in points]
     for number, place in enumerate(places, 1):
-        _cell_inside(terrain, tiles.survey, place, f"Waypoint {number}")
+        _cell_inside(terrain, tiles, place, f"Waypoint {number}")
     line = rounded(points, tiles.survey.grid, vehicle.turning_radius)
 
     def path_as_known() -> Path:
@@ -434,14 +489,18 @@ def reach(
     Raises:
         RequestError: the start is outside the terrain or the survey.
     """
-    seen = SurveyTiles.of(survey).complete()
-    _cell_inside(terrain, seen, start, "The place to start from")
+    tiles = SurveyTiles.of(survey)
+    cell = _cell_inside(terrain, tiles, start, "The place to start from")
+    seen = tiles.complete()
     bits = heading_bits(drivable(seen))
     turns = None if vehicle is None else turnable(seen, turnings(terrain, vehicle))
-    begin = begin_from(bits, terrain, seen.grid, start)
+    begin = np.zeros_like(bits)
+    if not math.isnan(top_near(terrain, *start)):
+        begin = begin_at(bits, cell)
     radius = 0.0 if vehicle is None else vehicle.turning_radius / seen.grid.resolution
-    found = connected_cells(bits, seen.headings, begin, places=Places(turns), radius=radius)
-    return reach_of(terrain, start, found, np.isfinite(seen.heights))
+    found = connected_cells(bits, seen.headings, begin, places=Places(turns, seen.twins), radius=radius)
+    ground = np.isfinite(seen.heights)
+    return reach_of(terrain, start, found, ground if seen.own is None else ground & seen.own)
 
 
 def reach_of(
@@ -472,7 +531,7 @@ def _costs(on: RouteSite, prefer: Preference) -> tuple[Costs, Callable[[Any], No
     costs = Costs.of(
         np.zeros(survey.verdict.shape, np.float32), np.zeros(survey.verdict.shape, np.uint8),
         survey.heights, survey.grid.resolution, Turns(0.0, vehicle.turning_radius),
-        least_rate(vehicle, prefer), on.tiles.side,
+        least_rate(vehicle, prefer), on.tiles.side, survey,
     )  # fmt: skip
 
     def fill(part: Any) -> None:
@@ -529,7 +588,7 @@ def _search_tiles(
         return None
 
 
-def _least_resistance(on: RouteSite, begin: Cell, end: Cell, bends: bool = True) -> Path:
+def _least_resistance(on: RouteSite, begin: Cell, end: Cell, bends: bool = True) -> Path | None:
     """The way with the fewest metres that cannot be driven, as seen from above; then the shortest.
 
     The vehicle backs up only where it can be driven. Without `bends` one that is car-like turns on
@@ -539,11 +598,18 @@ def _least_resistance(on: RouteSite, begin: Cell, end: Cell, bends: bool = True)
     west, south, east, north = on.terrain.bounds
     x, y = grid.columns(grid.whole), grid.rows(grid.whole)
     inside = ((y >= south) & (y <= north))[:, None] & ((x >= west) & (x <= east))
+    if survey.stack is not None:
+        assert survey.own is not None
+        shown = survey.own | np.isfinite(survey.heights)
+        for part in survey.stack.parts(shown):
+            part &= inside
+        inside = shown
     inside[end] = True  # a goal at the very edge may be in a cell whose centre is beyond it
     own, radius = turning_arc(survey, on.vehicle), on.vehicle.turning_radius if bends else 0.0
     costs = Costs.of(
         np.zeros(survey.verdict.shape, np.float32), np.zeros(survey.verdict.shape, np.uint8),
         np.zeros(inside.shape, np.float32), grid.resolution, Turns(own, radius), 1.0, on.tiles.side,
+        survey,
     )  # fmt: skip
 
     def fill(part: Any) -> None:
@@ -557,11 +623,13 @@ def _least_resistance(on: RouteSite, begin: Cell, end: Cell, bends: bool = True)
     found = _search_tiles(on, costs, fill, (begin, end))
     assert found is not None
     states = found.states
+    if not len(states) and not bends:
+        return None  # nothing leads to its storey
     if not len(states):  # there is no room at all for its arcs
         return _least_resistance(on, begin, end, False)
     if not radius or len(states) < 2:
-        return graph_path(states, survey)
-    return bent_path(corners_of(states, survey.headings, radius / grid.resolution), survey)
+        return joined_path([graph_path(one, survey) for one in by_layer(states, survey)])
+    return _bent_chain(states, survey, radius / grid.resolution)
 
 
 def _nearest_marked(
@@ -569,21 +637,23 @@ def _nearest_marked(
 ) -> Location:
     """The middle of the marked cell that is nearest to a cell."""
     rows, columns = np.nonzero(marked)
-    n = int(np.argmin((rows - end[0]) ** 2 + (columns - end[1]) ** 2))
-    grid = survey.grid
-    x, y = grid.columns(grid.whole)[columns[n]], grid.rows(grid.whole)[rows[n]]
-    return location_at(terrain, float(x), float(y))
+    flat, (goal, column) = survey.flat_rows(rows), end
+    n = int(np.argmin((flat - survey.flat_rows(goal)) ** 2 + (columns - column) ** 2))
+    grid, z = survey.grid, float(survey.heights[rows[n], columns[n]])
+    x, y = grid.columns(grid.whole)[columns[n]], grid.rows(grid.whole)[flat[n]]
+    return location_at(terrain, float(x), float(y), z)
 
 
-def _cell_inside(terrain: Terrain, survey: Survey, place: Point, what: str) -> Cell:
+def _cell_inside(terrain: Terrain, tiles: SurveyTiles, place: Point, what: str) -> Cell:
     """The cell of a place on the survey, whose pixels may end half a pixel before the terrain.
 
     Raises:
         RequestError: the place lies outside the terrain or the survey.
     """
     part = "the part of the terrain that is looked at"
-    west, south, east, north = survey.grid.bounds
-    half = 0.5 * survey.grid.resolution
+    grid = tiles.survey.grid
+    west, south, east, north = grid.bounds
+    half = 0.5 * grid.resolution
     looked_at = west, south, east + half, north + half
     check_inside(what, place, {"the terrain": terrain.bounds, part: looked_at})
-    return cell_of(survey.grid, *place)
+    return tiles.cell_of(place)
