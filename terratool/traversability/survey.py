@@ -226,7 +226,7 @@ class Surveyor:
         )
         slopes = vehicle.wheelbase == 0.0 or vehicle.track_width == 0.0
         radii = [tread.radius for tread in self._footprint.by_heading[0].treads]
-        layers = None
+        layers, rise = None, 0.0
         if terrain.storeys is not None:
             rise = self.highest_step + STEEP * self._fine.resolution
             layers = LayerPainter(
@@ -240,6 +240,7 @@ class Surveyor:
         self._plan = SweepPlan(
             vehicle, parts, math.ceil(self._footprint.halo / parts), self._fine.resolution,
             foothold_search(terrain, vehicle, self._fine.resolution) if vehicle.feet else None,
+            rise,
         )  # fmt: skip
         self.uncertainty = uncertainty
         self._errors = None

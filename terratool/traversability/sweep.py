@@ -75,6 +75,7 @@ class SweepPlan(NamedTuple):
         halo: grid pixels around a window whose ground may matter in it.
         resolution: side of a ground pixel, m.
         footholds: search for footholds; None for wheels and tracks.
+        rise: rise from ground pixel to ground pixel up to which a layer is driven on, m.
     """
 
     vehicle: Vehicle
@@ -82,6 +83,7 @@ class SweepPlan(NamedTuple):
     halo: int
     resolution: float
     footholds: FootholdSearch | None
+    rise: float = 0.0
 
     def around(self, window: Window) -> Window:
         """The ground of a window of the grid and the halo around it."""
@@ -133,12 +135,40 @@ class Sweep:
         self.heights = np.where(inside & ~np.isneginf(heights), heights, np.float32(np.nan))
         own, driven = np.ones_like(inside), np.zeros(inside.shape, np.int16)
         if shown is not None:
-            phases = (self._to_phases(one) for one in (shown.own, shown.joined, shown.sheet))
-            own, joined, sheet = (self._at(one, middle) for one in phases)
-            driven = np.where(joined, sheet, -1).astype(np.int16)
+            first = self.first - self._parts  # a pixel of the grid more to each side
+            at = np.s_[first :: self._parts, first :: self._parts]
+            size = np.s_[: self._shape[0] + 2, : self._shape[1] + 2]
+            own, joined, sheet = (one[at][size] for one in (shown.own, shown.joined, shown.sheet))
+            joined = own | joined & ~self._apart(own, joined)[size]
+            inner = np.s_[1:-1, 1:-1]
+            own, driven = own[inner], np.where(joined, sheet, -1)[inner].astype(np.int16)
             self.heights[~own] = np.nan
         driven[~inside] = -1
         self.layer = own & inside, driven
+
+    def _apart(self, own: NDArray[np.bool_], joined: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Pixels with a wall between them and one beside them, though a way leads round.
+
+        Of the window and a pixel of the grid around it. Headings there are judged as for what is
+        before the wall in the layer that has them, which need not be the wall.
+        """
+        parts, rows, columns = self._parts, *own.shape
+        heights, known = self._ground.heights, np.pad(own | joined, 1)
+        out = np.zeros_like(own)
+        for down, right in ((a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b):
+            rise = np.zeros(own.shape, np.float32)
+            for step in range(parts):
+                ends = []
+                for part in (step, step + 1):
+                    top = self.first - parts + part * down
+                    left = self.first - parts + part * right
+                    lines = heights[top :: parts, left :: parts]
+                    ends.append(lines[:rows, :columns])
+                with np.errstate(invalid="ignore"):
+                    np.maximum(rise, np.abs(ends[1] - ends[0]), out=rise)
+            beside = known[1 + down : 1 + down + rows, 1 + right : 1 + right + columns]
+            out |= beside & ~(rise <= self._plan.rise)
+        return out
 
     def _to_phases(self, plane: NDArray[Any]) -> NDArray[Any]:
         """Lay a plane (rows, columns) out as (rows, phases, columns)."""
