@@ -45,7 +45,7 @@ from terratool.sensing.robot_map import RobotMap
 from terratool.sensing.sensor import Sensor as Sensor
 from terratool.sensing.sensor import load_sensor as load_sensor
 from terratool.simulators.export import SimulatorReport
-from terratool.traversability.request import Point
+from terratool.traversability.request import Point, RouteLine
 from terratool.traversability.route.graph import Preference
 from terratool.traversability.ruts import Deformed
 from terratool.traversability.vehicle import Vehicle as Vehicle
@@ -261,7 +261,7 @@ class Terrain(ShownTerrain):
         self,
         vehicle: AnyVehicle | Sequence[AnyVehicle],
         *,
-        routes: Line | Sequence[Line] = (),
+        routes: RouteLine | Sequence[RouteLine] = (),
         waypoints: ArrayLike | str | Path | Sequence[ArrayLike | str | Path] = (),
         keep_out: str | Path | Sequence[str | Path] = (),
         model: Literal["slip", "paper"] = "slip",

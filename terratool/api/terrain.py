@@ -55,7 +55,7 @@ from terratool.simulators.options import refuse_idle as refuse_idle_targets
 from terratool.simulators.targets import choose_targets
 from terratool.text.source import Source, refuse_name
 from terratool.traversability.compare import names_of, prepare
-from terratool.traversability.request import Request
+from terratool.traversability.request import Request, RouteLine
 from terratool.traversability.route.waypoints import read_waypoints
 from terratool.traversability.ruts import (
     Deformed,
@@ -341,7 +341,7 @@ class UserTerrain(ShownTerrain):
         self,
         vehicle: AnyVehicle | Sequence[AnyVehicle],
         *,
-        routes: Line | Sequence[Line] = (),
+        routes: RouteLine | Sequence[RouteLine] = (),
         waypoints: ArrayLike | str | Path | Sequence[ArrayLike | str | Path] = (),
         keep_out: str | Path | Sequence[str | Path] = (),
         model: Literal["slip", "paper"] = "slip",
@@ -356,7 +356,7 @@ class UserTerrain(ShownTerrain):
         Args:
             vehicle: vehicle, or path of its file; several are compared.
             routes: x and y of the start and of the goal of each way that is looked for, or of
-                a single one.
+                a single one; x, y and z of ends on storeys.
             waypoints: for each way that is checked, or for a single one, its points, (n, 2), or the
                 path of their file.
             keep_out: GeoJSON files of zones that nothing of the vehicle may enter.
@@ -385,8 +385,7 @@ class UserTerrain(ShownTerrain):
         zones = tuple(zone for path in listed(keep_out) for zone in read_keep_out(path))
         places = {"routes": _lines(routes), "waypoints": _ways(waypoints), "keep_out": zones}
         request = fill(Request, options, **places)
-        ground = self.ground_only()
-        planned = prepare(ground, vehicles, request, map_path=map, overwrite=overwrite)
+        planned = prepare(self, vehicles, request, map_path=map, overwrite=overwrite)
         return shown_report(assess_all(planned, self.name, files))
 
     @overload
@@ -633,8 +632,8 @@ def _vehicles(vehicle: AnyVehicle | Sequence[AnyVehicle]) -> list[Vehicle]:
     ]
 
 
-def _lines(routes: Any) -> tuple[Line, ...]:
-    """Starts and goals of ways; four numbers are one way."""
+def _lines(routes: Any) -> tuple[Any, ...]:
+    """Starts and goals of ways; numbers alone are one way."""
     return (routes,) if routes and isinstance(routes[0], float) else routes
 
 

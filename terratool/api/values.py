@@ -24,7 +24,9 @@ _LARGEST = 2**63 - 1
 _LONGEST = 60
 """Most characters of a value in a message."""
 _MEANINGS = {
-    "Bounds": "west, south, east, north", "Line": "x0, y0, x1, y1", "Point": "x, y",
+    "Bounds": "west, south, east, north",
+    "RouteLine": "x0, y0, x1, y1, or x0, y0, z0, x1, y1, z1 on storeys",
+    "Line": "x0, y0, x1, y1", "Point": "x, y, or x, y, z on a storey",
 }  # fmt: skip
 """Meanings of the numbers of tuples, by the names of their types."""
 _LATE = {"CRS": "rasterio.crs"}

@@ -243,9 +243,44 @@ local_option = click.option(
 """Option for terrains with an origin far away; `from_corner` moves what was given."""
 
 
-def from_corner(places: tuple[float, ...], extent: Bounds) -> tuple[float, ...]:
-    """Coordinates x, y, x, y, … in the world, of those from the south-west corner of a terrain."""
-    return tuple(place + extent[axis % 2] for axis, place in enumerate(places))
+class Northing(click.ParamType[tuple[float, ...]]):
+    """A y, or a y and the height of a storey with a comma between them."""
+
+    name = "float"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, ...]:
+        """Numbers of a word."""
+        if isinstance(value, tuple):
+            return value
+        parts = str(value).split(",")
+        if len(parts) > 2:
+            self.fail(f"{value!r} is neither Y nor Y,Z.", param, ctx)
+        return tuple(float(click.FLOAT(part, param, ctx)) for part in parts)
+
+
+def flattened(words: tuple[Any, ...]) -> tuple[float, ...]:
+    """Numbers of places of an x and a `Northing` each: two for each, or three if any has a height.
+
+    NaN stands for no height.
+    """
+    places = [(x, *y) for x, y in zip(words[::2], words[1::2], strict=True)]
+    if all(len(place) == 2 for place in places):
+        return tuple(number for place in places for number in place)
+    return tuple(number for place in places for number in (*place, math.nan)[:3])
+
+
+def from_corner(
+    places: tuple[float, ...], extent: Bounds, dimensions: int = 2
+) -> tuple[float, ...]:
+    """Coordinates x, y, x, y, … in the world, of those from the south-west corner of a terrain.
+
+    Of three `dimensions` the heights stay as they are.
+    """
+    west, south, *_ = extent
+    corner = (west, south, 0.0)
+    return tuple(place + corner[n % dimensions] for n, place in enumerate(places))
 
 
 _ROUGHNESS = "terratool.roughness"

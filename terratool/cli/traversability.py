@@ -9,8 +9,10 @@ import click
 from terratool.cli.command import Command, option_group
 from terratool.cli.options import (
     WHEEL,
+    Northing,
     WordChoice,
     dask_option,
+    flattened,
     from_corner,
     json_option,
     library_root_option,
@@ -25,7 +27,7 @@ from terratool.cli.saying import say, say_block, say_error
 from terratool.cli.terminal import StatusLine, load
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from terratool.cli.config import Config, DriveSettings
     from terratool.definition.findings import Bounds
@@ -73,11 +75,10 @@ SAMPLES = (256, 16, 1024)  # default, least, most
     click.option(
         "--route",
         "routes",
-        nargs=4,
-        type=float,
+        type=(float, Northing(), float, Northing()),
         multiple=True,
         metavar="X0 Y0 X1 Y1",
-        help="Look for a way, once or several times.",
+        help="Look for a way, once or several times; Y,Z is on a storey at Z.",
     ),
     click.option(
         "--waypoints",
@@ -110,10 +111,9 @@ SAMPLES = (256, 16, 1024)  # default, least, most
     click.option(
         "--from",
         "start",
-        nargs=2,
-        type=float,
+        type=(float, Northing()),
         metavar="X Y",
-        help="Say what can be reached from here.  [default: the largest part]",
+        help="Say what can be reached from here, or Y,Z.  [default: the largest part]",
     ),
     local_option,
 )
@@ -210,10 +210,10 @@ def command(
     margin: bool,
     reports: tuple[str, ...],
     map_: str | None,
-    routes: tuple[tuple[float, float, float, float], ...],
+    routes: tuple[Any, ...],
     waypoints: tuple[str, ...],
     returns: bool,
-    start: tuple[float, float] | None,
+    start: Any,
     local: bool,
     prefer: Any,
     alternatives: int,
@@ -258,7 +258,8 @@ def command(
         parse(text)
     wheel = any(values[name] is not None for name in WHEEL)
     own = DriveSettings(
-        vehicles=values["vehicle"] or (() if wheel else None), routes=routes or None, start=start,
+        vehicles=values["vehicle"] or (() if wheel else None),
+        **_flat(routes, start),
         fail_on=conditions or None, resolution=resolution,
     )  # fmt: skip
     base = Request(
@@ -324,13 +325,23 @@ def command(
     return _print_result(result, checks, written, forms == ("json",))
 
 
+def _flat(routes: Sequence[Any], start: Any) -> dict[str, Any]:
+    """Numbers of the routes and the start of the command line; None for those not given."""
+    return {
+        "routes": tuple(map(flattened, routes)) or None,
+        "start": None if start is None else flattened(start),
+    }
+
+
 def _moved(places: dict[str, Any], extent: Bounds) -> dict[str, Any]:
     """Places of the command line, as those of the world; without those that are not given."""
     found = {name: place for name, place in places.items() if place is not None}
     if routes := found.pop("routes", None):
-        found["routes"] = tuple(from_corner(route, extent) for route in routes)
+        found["routes"] = tuple(from_corner(one, extent, len(one) // 2) for one in routes)
+    if start := found.pop("start", None):
+        found["start"] = from_corner(start, extent, len(start))
     return {
-        name: place if name == "routes" else from_corner(place, extent)
+        name: place if name in ("routes", "start") else from_corner(place, extent)
         for name, place in found.items()
     }
 

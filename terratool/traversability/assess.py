@@ -32,7 +32,7 @@ from terratool.traversability.ranges import (
     level_chances,
     share_error,
 )
-from terratool.traversability.request import Point, Request, ends_of
+from terratool.traversability.request import Place, Request, ends_of
 from terratool.traversability.results import Sampling, TraversabilityReport
 from terratool.traversability.route.charge import with_charge
 from terratool.traversability.route.headings import (
@@ -205,10 +205,10 @@ def _plan_routes(prepared: PreparedRequest, progress: Progress | None) -> tuple[
         return ()
     finder.progress = progress
 
-    def plan(begin: Point, end: Point) -> Route:
+    def plan(begin: Place, end: Place) -> Route:
         return finder.plan(begin, end, prefer=request.prefer)
 
-    def beside(route: Route, begin: Point, end: Point) -> Route:
+    def beside(route: Route, begin: Place, end: Place) -> Route:
         ends, prefer = (begin, end), request.prefer
         return replace(
             route,

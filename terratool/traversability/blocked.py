@@ -11,7 +11,7 @@ import numpy as np
 from terratool.raster.grid import Window
 from terratool.report.numbers import coordinates
 from terratool.traversability.preparing import PreparedRequest
-from terratool.traversability.request import Point, ends_of
+from terratool.traversability.request import Place, ends_of
 from terratool.traversability.route.barriers import BlockedPlace, RouteSite, blocked_place
 from terratool.traversability.route.graph import drivable, turnable
 from terratool.traversability.route.paths import cell_of
@@ -61,14 +61,14 @@ def first_look(prepared: PreparedRequest) -> Iterator[str]:
         yield f"Nothing can be reached. {why.note}"
 
 
-def blocked_start(prepared: PreparedRequest, start: Point) -> BlockedPlace | None:
+def blocked_start(prepared: PreparedRequest, start: Place) -> BlockedPlace | None:
     """The request's start, if the vehicle cannot stand there; None if it can."""
     tiles = prepared.tiles if prepared.shares_survey else None
     return _blocked_place(prepared, "the place to start from", start, tiles)
 
 
 def _blocked_place(
-    prepared: PreparedRequest, what: str, place: Point, tiles: SurveyTiles | None
+    prepared: PreparedRequest, what: str, place: Place, tiles: SurveyTiles | None
 ) -> BlockedPlace | None:
     """A place, with one nearby, if the vehicle cannot stand there; None if it can.
 

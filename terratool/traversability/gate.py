@@ -111,7 +111,7 @@ def judge_file(job: FileJob) -> FileVerdict:
     if checked.terrain is None:
         return FileVerdict(job.file, findings=_broken(source, checked))
     try:
-        terrain = Terrain(checked, roughness=job.roughness).ground_alone
+        terrain = Terrain(checked, roughness=job.roughness)
         planned, _ = prepare(terrain, job.vehicles, job.request)
         reports, blocked = [], []
         while planned:  # each holds much memory

@@ -142,7 +142,7 @@ class GroundPainter:
         return self._ground(planes, x[columns], y[rows], crests)
 
     def paint_layer(self, window: Window, layer: Layer) -> StanceGround | None:
-        """Paint what a layer of a terrain with storeys shows in a window; None if it has nothing."""
+        """Paint what a layer shows in a window; None where it has no tops of its own."""
         assert self._layers is not None
         shown = self._layers.find(window, layer)
         if shown is None:
@@ -204,9 +204,7 @@ class GroundPainter:
         columns = np.arange(len(x)) if columns is None else columns
         return np.arange(len(y)) if rows is None else rows, columns
 
-    def _go_on(
-        self, planes: Planes, rows: NDArray[np.int64], columns: NDArray[np.int64]
-    ) -> Planes:
+    def _go_on(self, planes: Planes, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Planes:
         """Let the ground go on beyond the rim, level away from it."""
         if _is_all(rows) and _is_all(columns):
             return planes

@@ -158,8 +158,9 @@ class LayerGround(NamedTuple):
     def part(self, rows: Any, columns: Any) -> LayerGround:
         """Copies of some rows and columns."""
         at = np.ix_(rows, columns)
-        planes = Planes(*(None if one is None else one[at] for one in self.planes))
-        return LayerGround(planes, *(np.ascontiguousarray(one[at]) for one in self[1:]))
+        planes: Any = (None if one is None else one[at] for one in self.planes)
+        arrays: Any = (np.ascontiguousarray(one[at]) for one in self[1:])
+        return LayerGround(Planes(*planes), *arrays)
 
 
 class LayerPainter:
@@ -201,9 +202,9 @@ class LayerPainter:
             # where nothing is solid the ground has a void
             shown.own[solids.sheet[0] < 0] = True
         inner = np.s_[more : more + window.height, more : more + window.width]
-        return _ground_of(
-            Solids(*(one[:, *inner] for one in solids)), ShownGround(*(one[inner] for one in shown))
-        )
+        parts: Any = (one[:, *inner] for one in solids)
+        cut: Any = (one[inner] for one in shown)
+        return _ground_of(Solids(*parts), ShownGround(*cut))
 
     def _solids(self, window: Window) -> Solids | None:
         """What is solid in a window; None where no storeys are near."""
@@ -379,6 +380,16 @@ def top_near(terrain: Terrain, x: Any, y: Any, z: Any = None) -> Any:
     nearest = np.argmin(np.where(np.isnan(far), np.inf, far), axis=-1)[..., None]
     found = np.take_along_axis(top, nearest, axis=-1)[..., 0]
     return np.where(np.isnan(np.asarray(z, np.float64)), np.nan, found)[()]
+
+
+def top_of_layer(terrain: Terrain, x: float, y: float, sheet: int) -> tuple[float, ...]:
+    """Height of the top of a sheet at a point, m; none where that is the lowest top."""
+    if terrain.storeys is None:
+        return ()
+    at = np.array([x]), np.array([y])
+    sheets = sheet_of(sheet_of_elements(terrain), terrain.columns_at(*at, bare=True).element[0])
+    place = int(np.argmax(sheets == sheet))
+    return (round(float(terrain.columns_at(*at).top[0, place]), 3),) if place else ()
 
 
 def sample_near(terrain: Terrain, x: Any, y: Any, z: Any = None) -> PointSamples:

@@ -21,7 +21,7 @@ from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, window_name
 from terratool.raster.painter import id_type
 from terratool.tasks import Work
 from terratool.traversability.fineness import coarsest_resolution
-from terratool.traversability.layers import copy_from_owners, rings
+from terratool.traversability.layers import copy_from_owners, rings, top_of_layer
 from terratool.traversability.map_files import MapBands, MapFiles, empty_bands, further_bands
 from terratool.traversability.map_results import CHANCE_BOUNDS, LargestPart, MapSummary, Preview
 from terratool.traversability.route.reach import (
@@ -263,6 +263,7 @@ class MapBuilder:
         number, flat_window = self.stack.split(window)
         self._heights[number][np.ix_(*_thinned(flat_window, self._stride))] = parts.heights
         if self.own is not None and self._shown is not None:
+            assert parts.own is not None and parts.shown is not None
             self.own[part], self._shown[part] = parts.own, parts.shown
 
     def bands(self, window: Window, number: int = 0) -> MapBands:
@@ -392,14 +393,15 @@ class MapBuilder:
         if not found.returned.any():
             return None
         row, column = place_in(self.bits, self.headings, found, self._places())
-        _, window = self.stack.split(Window(row, column, 1, 1))
+        number, window = self.stack.split(Window(row, column, 1, 1))
         x, y = self.grid.columns(window)[0], self.grid.rows(window)[0]
+        z = top_of_layer(self.terrain, x, y, self.stack.layer(number).sheet)
         share = np.count_nonzero(found.returned & counted) / np.count_nonzero(counted)
-        return LargestPart((float(x), float(y)), share)
+        return LargestPart((float(x), float(y), *z), share)
 
     def summary(
         self, classes: NDArray[np.uint8], found: Connected,
-        start: tuple[float, float] | None = None,
+        start: tuple[float, ...] | None = None,
     ) -> MapSummary:  # fmt: skip
         """Count pixels with ground by class, reason and surface, and find the largest part.
 

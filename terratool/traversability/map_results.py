@@ -102,11 +102,12 @@ class LargestPart:
     """The largest connected part of the ground.
 
     Attributes:
-        place: x and y of a place in the part, m, from which all of the part can be reached.
+        place: x and y of a place in the part, m, from which all of the part can be reached, and its
+            height where it is not on the lowest top.
         share: share of the pixels with ground, but those at the edge, that the part has.
     """
 
-    place: tuple[float, float]
+    place: tuple[float, ...]
     share: float
 
 
@@ -134,7 +135,7 @@ class MapSummary:
     worst_counts: dict[GroundClass, int]
     reasons: dict[Reason, int]
     by_surface: dict[str, dict[GroundClass, int]]
-    start: tuple[float, float] | None = None
+    start: tuple[float, ...] | None = None
     largest: LargestPart | None = None
     chances: dict[float, int] | None = None
 

@@ -83,7 +83,7 @@ def storeys_note(terrain: Terrain, vehicle: Vehicle) -> Iterator[str]:
     if vehicle.height is None:
         yield (
             "Headroom is not judged, as the height of the vehicle is not known: what is over it is "
-            "passed under, however low. Give the vehicle its \"height\"."
+            'passed under, however low. Give the vehicle its "height".'
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -18,11 +19,14 @@ from terratool.traversability.ranges import (
 from terratool.traversability.route.graph import Preference
 from terratool.traversability.route.paths import check_inside
 
-Point = tuple[float, ...]
-"""World x and y, m, and a height on a storey; the ground without one."""
+Point = tuple[float, float] | tuple[float, float, float]
+"""World x and y, m, and a height on a storey; without one the ground is meant."""
 
-Line = tuple[float, ...]
-"""Start and goal of a route, two or three numbers each."""
+RouteLine = tuple[float, float, float, float] | tuple[float, float, float, float, float, float]
+"""Start and goal of a route, x and y each, or x, y and a height; NaN for the ground."""
+
+Place = tuple[float, ...]
+"""A place as `Point`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +62,7 @@ class Request:
         routes_of, start_of: where routes and start were asked for, in words; empty for the user.
     """
 
-    routes: tuple[Line, ...] = ()
+    routes: tuple[RouteLine, ...] = ()
     waypoints: tuple[NDArray[Any], ...] = ()
     returns: bool = False
     start: Point | None = None
@@ -94,10 +98,13 @@ class Request:
         return self.mapped or self.start is not None or not self.travels
 
 
-def ends_of(route: Line) -> tuple[Point, Point]:
-    """Start and goal of a route."""
+def ends_of(route: RouteLine) -> tuple[Place, Place]:
+    """Start and goal of a route, without heights that are NaN."""
     half = len(route) // 2
-    return route[:half], route[half:]
+    start, goal = (
+        tuple(one for one in end if not math.isnan(one)) for end in (route[:half], route[half:])
+    )
+    return start, goal
 
 
 def check_places(request: Request, extent: Bounds) -> None:
@@ -118,7 +125,7 @@ def check_places(request: Request, extent: Bounds) -> None:
         check_inside(what, place, parts)
 
 
-def _places(request: Request) -> Iterator[tuple[str, Point]]:
+def _places(request: Request) -> Iterator[tuple[str, Place]]:
     """All places of a request, x and y in m, each with its name for messages."""
     of = f" of {request.routes_of}" if request.routes_of else ""
     for route in request.routes:

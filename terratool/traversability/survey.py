@@ -23,9 +23,15 @@ from terratool.traversability.footprint import (
     vehicle_footprint,
 )
 from terratool.traversability.ground import STEEP, GroundPainter, inside_of
-from terratool.traversability.layers import LayerPainter, Stack, sheet_of, sheet_of_elements, sheets_of
 from terratool.traversability.height_error import HeightError, block_shifts, footprint_errors
 from terratool.traversability.keep_out import KeptOut, Zone
+from terratool.traversability.layers import (
+    LayerPainter,
+    Stack,
+    sheet_of,
+    sheet_of_elements,
+    sheets_of,
+)
 from terratool.traversability.map_results import HEADINGS, MOST_HEADINGS
 from terratool.traversability.parameters import (
     SoilSamples,
@@ -136,13 +142,13 @@ class Stance(NamedTuple):
         step: (height, width) float32 highest step ahead of the wheels, m.
         foothold: (height, width) float32 largest share that the chosen footholds take of their
             limits; 0 for wheels and tracks.
-        headroom: (height, width) float32 height above the plane of what is over the vehicle, m;
-            None on terrains without storeys.
         beyond: (height, width) bool, whether the vehicle reaches beyond the terrain.
         surfaces: (rows, phases, columns) surfaces of the ground, index and one.
         first_pass, passes, exponent: (rows, phases, columns) `Ruts` of the ground; None for none.
         first: row of the first reference points in the planes of the ground.
         wheels: (wheels, 3) row, phase and column of each wheel, from a reference point.
+        headroom: (height, width) float32 height above the plane of what is over the vehicle, m;
+            None on terrains without storeys.
     """
 
     plane: NDArray[np.float32]
@@ -152,7 +158,6 @@ class Stance(NamedTuple):
     rough: NDArray[np.float32]
     step: NDArray[np.float32]
     foothold: NDArray[np.float32]
-    headroom: NDArray[np.float32] | None
     beyond: NDArray[np.bool_]
     surfaces: NDArray[Any]
     first_pass: NDArray[np.float32] | None
@@ -160,6 +165,7 @@ class Stance(NamedTuple):
     exponent: NDArray[np.float32] | None
     first: int
     wheels: Offsets
+    headroom: NDArray[np.float32] | None = None
 
 
 class Verdicts(NamedTuple):
@@ -229,12 +235,8 @@ class Surveyor:
         layers, rise = None, 0.0
         if terrain.storeys is not None:
             rise = self.highest_step + STEEP * self._fine.resolution
-            layers = LayerPainter(
-                terrain.written_out, self._fine, rise, self._footprint.halo
-            )
-        self._painter = GroundPainter(
-            terrain, self._fine, _LEAST * radii[0], slopes, radii, layers
-        )
+            layers = LayerPainter(terrain.written_out, self._fine, rise, self._footprint.halo)
+        self._painter = GroundPainter(terrain, self._fine, _LEAST * radii[0], slopes, radii, layers)
         if isinstance(uncertainty, SoilSamples):
             uncertainty = Uncertainty((uncertainty,))
         self._plan = SweepPlan(
@@ -284,7 +286,9 @@ class Surveyor:
         if self.terrain.storeys is None:
             return None if math.isnan(self.terrain.height(x, y)) else (row, column)
         window = Window(row, column, 1, 1)
-        rows = self.terrain.written_out.columns_at(self.grid.columns(window), self.grid.rows(window))
+        rows = self.terrain.written_out.columns_at(
+            self.grid.columns(window), self.grid.rows(window)
+        )
         count = int(rows.held[0])
         if not count:
             return None
@@ -523,9 +527,10 @@ class Surveyor:
                     plane, bump,
                     sweep.bump(footprint, footprint.front, plane),
                     sweep.bump(footprint, footprint.rear, plane),
-                    rough, step, foothold, sweep.headroom(footprint, plane),
+                    rough, step, foothold,
                     self._reaches_beyond(window, heading),
                     sweep.ids, *sweep.ruts, sweep.first, sweep.phases_of(footprint.wheels),
+                    sweep.headroom(footprint, plane),
                 )  # fmt: skip
 
     def _clearances(

@@ -135,13 +135,14 @@ class Sweep:
         self.heights = np.where(inside & ~np.isneginf(heights), heights, np.float32(np.nan))
         own, driven = np.ones_like(inside), np.zeros(inside.shape, np.int16)
         if shown is not None:
-            first = self.first - self._parts  # a pixel of the grid more to each side
-            at = np.s_[first :: self._parts, first :: self._parts]
+            corner = self.first - self._parts  # a pixel of the grid more to each side
+            at = np.s_[corner :: self._parts, corner :: self._parts]
             size = np.s_[: self._shape[0] + 2, : self._shape[1] + 2]
-            own, joined, sheet = (one[at][size] for one in (shown.own, shown.joined, shown.sheet))
-            joined = own | joined & ~self._apart(own, joined)[size]
+            around, joined = shown.own[at][size], shown.joined[at][size]
+            joined = around | joined & ~self._apart(around, joined)
             inner = np.s_[1:-1, 1:-1]
-            own, driven = own[inner], np.where(joined, sheet, -1)[inner].astype(np.int16)
+            own, joined = around[inner], joined[inner]
+            driven = np.where(joined, shown.sheet[at][size][inner], -1).astype(np.int16)
             self.heights[~own] = np.nan
         driven[~inside] = -1
         self.layer = own & inside, driven
@@ -152,7 +153,7 @@ class Sweep:
         Of the window and a pixel of the grid around it. Headings there are judged as for what is
         before the wall in the layer that has them, which need not be the wall.
         """
-        parts, rows, columns = self._parts, *own.shape
+        parts, (rows, columns) = self._parts, own.shape
         heights, known = self._ground.heights, np.pad(own | joined, 1)
         out = np.zeros_like(own)
         for down, right in ((a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b):
@@ -162,7 +163,7 @@ class Sweep:
                 for part in (step, step + 1):
                     top = self.first - parts + part * down
                     left = self.first - parts + part * right
-                    lines = heights[top :: parts, left :: parts]
+                    lines = heights[top::parts, left::parts]
                     ends.append(lines[:rows, :columns])
                 with np.errstate(invalid="ignore"):
                     np.maximum(rise, np.abs(ends[1] - ends[0]), out=rise)

@@ -89,13 +89,14 @@ def _empty_survey(surveyor: Surveyor, grid: Grid, shape: tuple[int, int] | None 
     """A survey of zeros; the system takes no memory for zeros before they are overwritten."""
     flat = shape or (grid.height, grid.width)
     deep = (surveyor.headings, *flat)
+    numbers: dict[str, Any] = {name: np.zeros(deep, np.float32) for name in _PLANES}
     return Survey(
         grid,
         np.zeros(flat, np.float32),
         np.zeros(flat, id_type(surveyor.terrain)),
         np.zeros(deep, np.uint8),
         np.zeros(deep, np.uint8),
-        **{name: np.zeros(deep, np.float32) for name in _PLANES},
+        **numbers,
         load=np.zeros(deep, np.uint8) if surveyor.vehicle.loads else None,
     )
 
@@ -234,7 +235,9 @@ class SurveyTiles:
             assert self._shown is not None
             return copy_from_owners(values, own, self._shown, stack, nothing)
 
-        planes = {name: copied(getattr(found, name)) for name in ("surfaces", *_PLANES)}
+        planes: dict[str, Any] = {
+            name: copied(getattr(found, name)) for name in ("surfaces", *_PLANES)
+        }
         load = None if found.load is None else copied(found.load)
         self.survey = replace(
             found, **planes, heights=copied(found.heights, np.nan),

@@ -39,8 +39,8 @@ from terratool.traversability.vehicle import (
 )
 
 _PLAIN = (
-    "clearance", "height", "body_width", "steering", "turning_radius", "speed", "power", "efficiency",
-    "stopping_distance", "reaction_time", "max_drift",
+    "clearance", "height", "body_width", "steering", "turning_radius", "speed", "power",
+    "efficiency", "stopping_distance", "reaction_time", "max_drift",
 )  # fmt: skip
 """Keys of a vehicle's text that are attributes of `Vehicle` in the same units."""
 WATT_HOUR = 3600.0

@@ -7,7 +7,6 @@ from typing import Annotated, Any
 from msgspec import UNSET, Meta, Struct, UnsetType
 
 from terratool.definition.findings import Bounds
-from terratool.definition.model import Pair
 from terratool.report.documents import (
     Count,
     Share,
@@ -42,10 +41,14 @@ _OF_A_SURFACE = Meta(
 """Restriction of the numbers of pixels of a surface, whose name is the first key."""
 
 
+Place = Annotated[tuple[float, ...], Meta(min_length=2, max_length=3)]
+"""World x and y, m, and a height where one of several tops is meant."""
+
+
 class LargestPartKeys(Struct, frozen=True):
     """The largest connected part of the ground."""
 
-    place: Pair
+    place: Place
     share: Share
 
 
@@ -93,7 +96,7 @@ class MapKeys(Struct, frozen=True, rename={"start": "from"}):
     height: Count
     bounds: Bounds
     headings: Count
-    start: Pair | None
+    start: Place | None
     largest_part: LargestPartKeys | None
     pixels: Count
     best_heading: Annotated[dict[str, Count], each_of(_GROUNDS)]

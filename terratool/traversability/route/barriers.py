@@ -222,7 +222,9 @@ def _roof(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> Barrin
     at = np.unravel_index(int(np.argmin(seen.room)), xs.shape)
     pointer = terrain.pointer(int(seen.over[at])) or "the ground"
     name = f"{seen.room[at]:.3g} m below {pointer}"
-    return BarringGround(name, re.split(r"[>[]", pointer, maxsplit=1)[0] if seen.over[at] >= 0 else "")
+    return BarringGround(
+        name, re.split(r"[>[]", pointer, maxsplit=1)[0] if seen.over[at] >= 0 else ""
+    )
 
 
 def _samples(terrain: Terrain, vehicle: Vehicle, pose: Pose, xs: Any, ys: Any) -> PointSamples:

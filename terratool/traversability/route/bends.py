@@ -198,7 +198,10 @@ def bent_path(corners: Corners, survey: Survey, terrain: Terrain | None = None) 
     home = np.clip(np.floor(exact + 0.5), 0, most).astype(np.int64)[:, None]
     if survey.stack is not None and fine:
         rows, _ = followed(survey, home[:, 0, 0], home[:, 0, 1])
-        home[:, 0, 0], around = rows, around + np.array([1, 0]) * (rows - home[:, 0, 0])[:, None, None]
+        home[:, 0, 0], around = (
+            rows,
+            around + np.array([1, 0]) * (rows - home[:, 0, 0])[:, None, None],
+        )
     alone = (nearest[:, None] > 0.0) | (shares <= 0.0)
     options = np.empty((len(exact), 8, 3), np.int64)
     options[:, :4, 0], options[:, 4:, 0] = low[:, None], high[:, None]

@@ -14,7 +14,6 @@ from terratool.traversability.map_results import FINER_HEADINGS, HEADINGS
 from terratool.traversability.route.alternatives import Penalties, find_alternatives
 from terratool.traversability.route.barriers import Cell, Point
 from terratool.traversability.route.graph import Preference, drivable
-from terratool.traversability.route.paths import cell_of
 from terratool.traversability.route.reach import begin_at, spread
 from terratool.traversability.route.results import Route
 from terratool.traversability.route.routes import (

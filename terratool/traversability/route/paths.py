@@ -373,9 +373,7 @@ def joined_path(paths: Sequence[Path]) -> Path:
     kept = [paths[0]]
     for before, path in pairwise(paths):
         same = abs(before.direction[-1] - path.direction[0]) < _SAME
-        kept.append(
-            Path(*(getattr(path, one.name)[1 if same else 0 :] for one in fields(path)))
-        )
+        kept.append(Path(*(getattr(path, one.name)[1 if same else 0 :] for one in fields(path))))
     return Path(*(np.concatenate([getattr(p, one.name) for p in kept]) for one in fields(Path)))
 
 
@@ -514,9 +512,7 @@ def find_extreme(
     if np.all(np.isnan(values)):
         return None
     n = int(np.nanargmax(np.abs(values) if of_size else values))
-    place = location_at(
-        terrain, float(profile.x[n]), float(profile.y[n]), float(profile.height[n])
-    )
+    place = location_at(terrain, float(profile.x[n]), float(profile.y[n]), float(profile.height[n]))
     return Extreme(float(values[n]), place, Reason(int(profile.reason[n])))
 
 

@@ -19,6 +19,7 @@ from terratool.traversability.route.paths import cell_of
 Bits = NDArray[np.unsignedinteger[Any]]
 """(height, width) uint8, 16, 32 or 64: headings of each cell as bits, the first in the lowest."""
 
+
 class Places(NamedTuple):
     """What is known of cells beside what can be driven there, (height, width) each.
 
@@ -171,7 +172,9 @@ def can_turn_back(bits: Bits, headings: int) -> NDArray[np.bool_]:
     return np.asarray(bits & (bits >> half) & ((1 << half) - 1) != 0)
 
 
-def place_in(bits: Bits, headings: int, found: Connected, places: Places = EVERYWHERE) -> tuple[int, int]:
+def place_in(
+    bits: Bits, headings: int, found: Connected, places: Places = EVERYWHERE
+) -> tuple[int, int]:
     """A cell of connected ground near its middle, if possible one that leads to all of the ground.
 
     A cell leads to the whole part, and to nothing else, if the vehicle can turn there to all

@@ -498,7 +498,9 @@ def reach(
     if not math.isnan(top_near(terrain, *start)):
         begin = begin_at(bits, cell)
     radius = 0.0 if vehicle is None else vehicle.turning_radius / seen.grid.resolution
-    found = connected_cells(bits, seen.headings, begin, places=Places(turns, seen.twins), radius=radius)
+    found = connected_cells(
+        bits, seen.headings, begin, places=Places(turns, seen.twins), radius=radius
+    )
     ground = np.isfinite(seen.heights)
     return reach_of(terrain, start, found, ground if seen.own is None else ground & seen.own)
 
