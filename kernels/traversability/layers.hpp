@@ -30,9 +30,9 @@ template <class Visit> void visit_arguments(ShownGround& s, Visit visit) {
     visit("solid[h,w]", s.solid), visit("joined[h,w]", s.joined), visit("own[h,w]", s.own);
 }
 
-// A layer of tops of a sheet. Where two of these meet with something else than themselves between
-// them, as at the end of a bridge over a bed with upright banks, those on the one side lie `apart`
-// in a layer of their own.
+// A layer of tops of a sheet. Where one of two side by side is not what a vehicle on the other one
+// has before it, as at the end of a bridge over a bed with upright banks, the upper one and what it
+// leads to within reach lie `apart` in a layer of their own.
 class LayerFinder {
 public:
     LayerFinder(const Solids& solids, i64 sheet, bool apart, double rise, i64 reach)
@@ -128,16 +128,21 @@ private:
         }
     }
 
-    // Keep the tops of one side.
+    // Whether a top stands above the one beside it, and from one of them something else is seen.
+    bool hides(i64 at, i64 beside) const {
+        float z = top(own_[at], at), other = top(own_[beside], beside);
+        return z > other && (view(z, beside) != own_[beside] || view(other, at) != own_[at]);
+    }
+
+    // Keep the tops of one side: the upper ones lie apart.
     void keep_side() {
         std::vector<i64> here;
         known_.assign(own_.size(), false);
         for (i64 at = 0; at < count_of(own_); ++at) {
             if (own_[at] < 0) continue;
-            float z = top(own_[at], at);
             bool parted = false;
             visit_beside(at, [&](i64 beside) {
-                parted = parted || (own_[beside] >= 0 && view(z, beside) != own_[beside]);
+                parted = parted || (own_[beside] >= 0 && hides(at, beside));
             });
             if (parted) here.push_back(at), known_[at] = true;
         }

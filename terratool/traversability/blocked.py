@@ -10,11 +10,11 @@ import numpy as np
 
 from terratool.raster.grid import Window
 from terratool.report.numbers import coordinates
+from terratool.traversability.map_results import cell_of
 from terratool.traversability.preparing import PreparedRequest
 from terratool.traversability.request import Place, ends_of
 from terratool.traversability.route.barriers import BlockedPlace, RouteSite, blocked_place
 from terratool.traversability.route.graph import drivable, turnable
-from terratool.traversability.route.paths import cell_of
 from terratool.traversability.route.reach import (
     Places,
     begin_in_largest,

@@ -36,8 +36,8 @@ class Layer(NamedTuple):
 
     Attributes:
         sheet: sheet whose tops it has, 0 for the ground.
-        apart: whether it has the tops on the one side of places where tops of the sheet meet with
-            something else between them, as at the end of a bridge over a bed with upright banks.
+        apart: whether it has the upper tops of the sheet near places where one of two side by side
+            is not what is seen from the other, as at a bridge over a bed with upright banks.
     """
 
     sheet: int

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from terratool.raster.grid import Grid
 from terratool.traversability.layers import Stack
@@ -91,6 +91,22 @@ class Survey:
     def headings(self) -> int:
         """Number of headings."""
         return len(self.verdict)
+
+
+def cell_of(grid: Grid, x: float, y: float) -> tuple[int, int]:
+    """Row and column of the cell that holds a point; beyond the edges, the nearest cell's."""
+    row, column = cells_of(grid, x, y)
+    return int(row), int(column)
+
+
+def cells_of(grid: Grid, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Rows and columns, int64, of the cells that hold points; of the nearest beyond the edges."""
+    column = np.floor((np.asarray(x) - grid.west) / grid.resolution)
+    row = np.floor((grid.bounds[3] - np.asarray(y)) / grid.resolution)
+    return (
+        np.clip(row, 0, grid.height - 1).astype(np.int64),
+        np.clip(column, 0, grid.width - 1).astype(np.int64),
+    )
 
 
 CHANCE_BOUNDS = (0.95, 0.5, 0.05, 0.0)

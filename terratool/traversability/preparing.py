@@ -22,7 +22,7 @@ from terratool.traversability.map_files import (
     refuse_map,
     storey_paths,
 )
-from terratool.traversability.map_results import FINER_HEADINGS
+from terratool.traversability.map_results import FINER_HEADINGS, cell_of
 from terratool.traversability.ranges import (
     Draws,
     case_samples,
@@ -36,7 +36,6 @@ from terratool.traversability.route.headings import (
     finer_headings,
     first_headings,
 )
-from terratool.traversability.route.paths import cell_of
 from terratool.traversability.route.routes import (
     MOST_STATES,
     can_stand,

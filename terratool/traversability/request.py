@@ -102,7 +102,8 @@ def ends_of(route: RouteLine) -> tuple[Place, Place]:
     """Start and goal of a route, without heights that are NaN."""
     half = len(route) // 2
     start, goal = (
-        tuple(one for one in end if not math.isnan(one)) for end in (route[:half], route[half:])
+        end[:2] if len(end) > 2 and math.isnan(end[2]) else end
+        for end in (route[:half], route[half:])
     )
     return start, goal
 

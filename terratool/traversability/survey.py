@@ -32,14 +32,13 @@ from terratool.traversability.layers import (
     sheet_of_elements,
     sheets_of,
 )
-from terratool.traversability.map_results import HEADINGS, MOST_HEADINGS
+from terratool.traversability.map_results import HEADINGS, MOST_HEADINGS, cell_of
 from terratool.traversability.parameters import (
     SoilSamples,
     sinkage_factors,
     soil_table,
     vehicle_params,
 )
-from terratool.traversability.route.paths import cell_of
 from terratool.traversability.sweep import Sweep, SweepPlan
 from terratool.traversability.vehicle import Vehicle
 from terratool.traversability.verdicts import RANKS, Reason, Verdict

@@ -18,8 +18,7 @@ from terratool.raster.painter import id_type
 from terratool.tasks import Work, thread_count
 from terratool.traversability.keep_out import Zone
 from terratool.traversability.layers import copy_from_owners, rings
-from terratool.traversability.map_results import HEADINGS, Survey
-from terratool.traversability.route.paths import cell_of
+from terratool.traversability.map_results import HEADINGS, Survey, cell_of
 from terratool.traversability.survey import Surveyor, Uncertainty, WindowMeasures
 from terratool.traversability.vehicle import Vehicle
 from terratool.traversability.verdicts import Reason, Verdict

@@ -11,10 +11,9 @@ import pytest
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
-from terratool.traversability.map_results import Survey
+from terratool.traversability.map_results import Survey, cell_of
 from terratool.traversability.route.barriers import Pose, barring_ground
 from terratool.traversability.route.graph import drivable
-from terratool.traversability.route.paths import cell_of
 from terratool.traversability.route.routes import check_route, plan_route, reach
 from terratool.traversability.soil import soil_of
 from terratool.traversability.tiles import survey

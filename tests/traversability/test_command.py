@@ -30,6 +30,7 @@ from terratool.traversability import vehicle as vehicles
 from terratool.traversability.assess import assess
 from terratool.traversability.blocked import first_look
 from terratool.traversability.conditions import FIGURES, WORDS
+from terratool.traversability.map_results import cell_of
 from terratool.traversability.preparing import prepare_assessment
 from terratool.traversability.report import formats
 from terratool.traversability.report.document import as_dict
@@ -38,7 +39,6 @@ from terratool.traversability.request import Request
 from terratool.traversability.results import TraversabilityReport
 from terratool.traversability.route import graph
 from terratool.traversability.route import routes as routing
-from terratool.traversability.route.paths import cell_of
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.tiles import part_of
 from terratool.traversability.vehicle import Vehicle

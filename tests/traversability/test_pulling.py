@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
 from terratool.traversability.assess import assess
-from terratool.traversability.map_results import Survey
+from terratool.traversability.map_results import Survey, cells_of
 from terratool.traversability.preparing import prepare_assessment
 from terratool.traversability.request import Request
 from terratool.traversability.route.graph import (
@@ -28,7 +28,6 @@ from terratool.traversability.route.graph import (
     turn_prices,
 )
 from terratool.traversability.route.paths import (
-    cells_of,
     graph_path,
     headings_beside,
     worst_verdict,

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from terratool.field.terrain import Terrain
 from terratool.raster.grid import grid_over
-from terratool.traversability.map_results import Survey
+from terratool.traversability.map_results import Survey, cells_of
 from terratool.traversability.report.routes import route_features
 from terratool.traversability.route.graph import PREFERENCES, Preference
-from terratool.traversability.route.paths import cells_of, worst_verdict
+from terratool.traversability.route.paths import worst_verdict
 from terratool.traversability.route.results import RouteProfile
 from terratool.traversability.route.routes import (
     check_route,

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.raster.grid import Grid
+from terratool.traversability.map_results import cells_of
 from terratool.traversability.route.graph import Preference
-from terratool.traversability.route.paths import cells_of
 from terratool.traversability.route.results import Route
 
 MOST = 9

@@ -14,15 +14,14 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
-from terratool.raster.grid import Grid
 from terratool.report.numbers import coordinates
 from terratool.traversability.layers import sample_near, top_near
-from terratool.traversability.map_results import Survey
+from terratool.traversability.map_results import Survey, cells_of
 from terratool.traversability.route.drifting import drift_along
 from terratool.traversability.route.graph import (
     cells_between,
@@ -386,22 +385,6 @@ def reversed_path(path: Path, headings: int) -> Path:
         path.x[::-1], path.y[::-1], path.height[::-1], path.row[::-1], path.column[::-1],
         judged, judged, (path.direction[::-1] + 180.0) % 360.0,
     )  # fmt: skip
-
-
-def cell_of(grid: Grid, x: float, y: float) -> tuple[int, int]:
-    """Row and column of the cell that holds a point; beyond the edges, the nearest cell's."""
-    row, column = cells_of(grid, x, y)
-    return int(row), int(column)
-
-
-def cells_of(grid: Grid, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Rows and columns, int64, of the cells that hold points; of the nearest beyond the edges."""
-    column = np.floor((np.asarray(x) - grid.west) / grid.resolution)
-    row = np.floor((grid.bounds[3] - np.asarray(y)) / grid.resolution)
-    return (
-        np.clip(row, 0, grid.height - 1).astype(np.int64),
-        np.clip(column, 0, grid.width - 1).astype(np.int64),
-    )
 
 
 def driving_cost(

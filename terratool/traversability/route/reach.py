@@ -10,11 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
-from terratool.raster.grid import Grid
 from terratool.traversability.route.graph import moves_of
-from terratool.traversability.route.paths import cell_of
 
 Bits = NDArray[np.unsignedinteger[Any]]
 """(height, width) uint8, 16, 32 or 64: headings of each cell as bits, the first in the lowest."""
@@ -134,13 +131,6 @@ def begin_at(bits: Bits, cell: tuple[int, int]) -> Bits:
     begin = np.zeros_like(bits)
     begin[cell] = bits[cell]
     return begin
-
-
-def begin_from(bits: Bits, terrain: Terrain, grid: Grid, start: tuple[float, float]) -> Bits:
-    """All states at the cell of a place that can be driven; none where it has no ground."""
-    if math.isnan(terrain.height(*start)):
-        return np.zeros_like(bits)
-    return begin_at(bits, cell_of(grid, *start))
 
 
 def begin_in_largest(
