@@ -114,16 +114,17 @@ public:
     // Search on. The index of a tile that must be known for that; -1 where all is done.
     i64 advance() {
         while (!queue_.empty()) {
-            i64 state = queue_.top().state;
-            if (before_[state] & CLOSED) {
-                queue_.pop();
-                continue;
-            }
+            Entry entry = queue_.top();
+            i64 state = entry.state;
+            queue_.pop();  // before a twin, which is as near, comes first
+            if (before_[state] & CLOSED) continue;
             i64 tile = expand(state);
-            if (tile >= 0) return tile;
+            if (tile >= 0) {
+                queue_.push(entry);
+                return tile;
+            }
             before_[state] |= CLOSED;
             if (found_ >= 0) break;
-            queue_.pop();
         }
         return -1;
     }
