@@ -34,6 +34,7 @@ LOPSIDED: Json = {
     "clearance": 0.17,
     "bodyWidth": 0.7,
     "overhang": {"front": 0.5, "frontHeight": 0.25, "rear": 0.3},
+    "height": 1.4,
     "steering": "wheels",
     "speed": 0.5,
     "power": 25,
@@ -243,6 +244,7 @@ def _rest(draw: st.DrawFn, cog: Json) -> Json:
                 "speed": _numbers(0.01, 20),
                 "power": _numbers(0, 1000),
                 "maxDrift": _numbers(0.01, 10),
+                "height": _numbers(10, 100),
                 "efficiency": share,
                 "battery": st.fixed_dictionaries(
                     {"capacity": _numbers(0.1, 1e4)}, optional={"reserve": _numbers(0, 0.99)}

@@ -100,6 +100,7 @@ NAMES = {
     "TT515": "low-front",
     "TT516": "missing-feet",
     "TT517": "reversed-load",
+    "TT518": "low-height",
     "TT601": "no-depth",
     "TT602": "short-path",
     "TT603": "repeated-point",

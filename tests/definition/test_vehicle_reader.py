@@ -388,6 +388,13 @@ SIDES = [{"x": 0.25}, {"x": -0.25}]
         ({"classes": {"drift": 0}}, ["TT106"]),
         ({"classes": {"cautionDrift": 90}}, ["TT106"]),
         ({"maxDrift": 0}, ["TT106"]),
+        ({"height": 0}, ["TT106"]),
+        ({"height": -0.4}, ["TT106"]),
+        ({"height": "low"}, ["TT105"]),
+        # its centre of gravity is 0.2 m high, its underside 0.13 m
+        ({"height": 0.2}, ["TT518"]),
+        ({"height": 0.201}, []),
+        ({"cog": {"height": [0.1, 0.3]}, "height": 0.25}, ["TT518"]),
         # 4 wheels, r = 0.16: a hundredth of 490.3 N takes 0.1961 N m at each of them
         ({"wheels": {"radius": 0.16, "width": 0.11, "maxTorque": 0.197}}, []),
         ({"wheels": {"radius": 0.16, "width": 0.11, "maxTorque": 0.196}}, ["TT507"]),

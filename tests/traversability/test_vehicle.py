@@ -73,7 +73,7 @@ def test_every_key_arrives_in_its_place_and_unit() -> None:
     assert vehicle.margins == Margins(0.02, 0.01, math.pi / 18, pytest.approx(math.pi / 36))
     angles = math.radians(7), math.radians(25)
     assert vehicle.thresholds == Thresholds(0.6, 0.1, 0.3, 0.5, 0.8, *angles)
-    assert vehicle.max_drift == 0.4
+    assert (vehicle.max_drift, vehicle.height) == (0.4, 1.4)
     assert vehicle.wheels == 7
     assert vehicle.wheelbase == pytest.approx(2.3)
     assert vehicle.middle == pytest.approx(0.35)

@@ -282,6 +282,43 @@ def nothing_driven(subject: VehicleSubject) -> Iterator[Remark]:
         )
 
 
+@rule("TT518", "low-height", kind="vehicle")
+def low_height(subject: VehicleSubject) -> Iterator[Remark]:
+    """The height of the whole vehicle is less than that of what it has.
+
+    Its centre of gravity and the underside of its body lie below its top.
+
+    Fails:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5, "track": 0.55,
+          "cog": {"height": 0.2}, "clearance": 0.13, "height": 0.13
+        }
+
+    Passes:
+
+        {
+          "mass": 50, "wheels": {"radius": 0.16, "width": 0.11}, "wheelbase": 0.5, "track": 0.55,
+          "cog": {"height": 0.2}, "clearance": 0.13, "height": 0.39
+        }
+
+    To mend: give the height from the feet of its wheels to its top, or leave it out.
+    """
+    vehicle = subject.vehicle
+    if vehicle.height is UNSET:
+        return
+    inner = {"clearance": vehicle.clearance, "centre of gravity": vehicle.cog.height}
+    known = {name: max(ends_of(height)) for name, height in inner.items() if height is not UNSET}
+    if known and vehicle.height <= max(known.values()):
+        name = max(known, key=known.__getitem__)
+        yield Remark(
+            "/height",
+            f"the height of {quote(vehicle.height)} m is not above the {name} at "
+            f"{quote(known[name])} m.",
+            "Give the height from the feet of its wheels to its top, or leave it out.",
+        )
+
+
 @rule("TT509", "idle-overhang", "warning", kind="vehicle")
 def idle_overhang(subject: VehicleSubject) -> Iterator[Remark]:
     """An overhang can touch nothing before a wheel does, so that it has no effect.

@@ -138,9 +138,9 @@ def quarter_turn(figures: Figures) -> str:
 
 
 def coordinates(place: Location) -> str:
-    """World x and y, to a millimetre."""
-    x, y = (numbers.full(round(value, 3)) for value in (place.x, place.y))
-    return f"({x}, {y})"
+    """World x and y, to a millimetre; with the height of what is over another top."""
+    known = (place.x, place.y, *((place.height,) if place.above and place.height else ()))
+    return f"({', '.join(numbers.full(round(value, 3)) for value in known)})"
 
 
 def vehicle_name(report: TraversabilityReport) -> str:

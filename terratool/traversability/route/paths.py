@@ -516,6 +516,7 @@ def location_at(terrain: Terrain, x: float, y: float, z: float | None = None) ->
         None if math.isnan(height) else height,
         terrain.surfaces[surface] if surface >= 0 else "",
         terrain.pointer(int(found.element)) or "",
+        terrain.storeys is not None and bool(height > top_near(terrain, x, y)),
     )
 
 

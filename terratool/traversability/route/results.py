@@ -21,6 +21,7 @@ class Location:
         height: height of the ground, m; None where there is no ground.
         surface: name of the surface; empty for none.
         element: JSON pointer of the element that decides the surface; empty for none.
+        above: whether it is on a storey, over another top.
     """
 
     x: float
@@ -28,6 +29,7 @@ class Location:
     height: float | None
     surface: str
     element: str
+    above: bool = False
 
 
 @dataclass(frozen=True, slots=True)
