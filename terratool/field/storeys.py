@@ -351,8 +351,8 @@ def _plan(written: Written, own: dict[int, Storey], whole: Terrain) -> _Plan:
     bounds[:, _order(whole)] = np.concatenate(
         [np.minimum(cells[:2], feet[:2]), np.maximum(cells[2:], feet[2:])]
     )
-    turned = written.rows.free & ~np.isnan(written.rows.turn) & (written.rows.turn % 90 != 0)
-    _widen(bounds, turned)
+    turned = written.rows.free & ~np.isnan(written.rows.turn) & (written.rows.turn % 360 != 0)
+    _widen(bounds, turned)  # their edges are closed
     for begin, end in reversed(levels[1:]):
         above = written.parent[begin:end]
         for side, pick in zip(range(4), (np.minimum,) * 2 + (np.maximum,) * 2, strict=True):
