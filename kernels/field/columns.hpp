@@ -6,6 +6,8 @@
 // faces: the undersides of decks, the ceilings of bores.
 #pragma once
 
+#include <bit>
+
 #include "query.hpp"
 
 namespace terratool {
@@ -18,6 +20,7 @@ struct Sheet {
     Span<const i64> numbers;  // of each element of `tops`, among all of the terrain
     Span<const i32> faced;    // storey of each element of `faces`
     bool is_bore;
+    i64 bare;  // index of the surface of what has none
 };
 
 // Decks and bores by their numbers.
@@ -47,13 +50,20 @@ struct Storeys {
     StoreyTable table;
     StoreyLattice lattice;
 
+    // Row and column of the lattice; -1 beyond it.
+    INLINE i64 row_near(double y) const { return cell_at(y, 1, lattice.cells.rows()); }
+    INLINE i64 column_near(double x) const { return cell_at(x, 0, lattice.cells.columns()); }
+
     // The bits of the sheets that may have a storey at a point.
     INLINE u64 near(double x, double y) const {
-        double u = (x - lattice.frame[0]) * lattice.frame[2];
-        double v = (y - lattice.frame[1]) * lattice.frame[3];
-        bool within = 0.0 <= u && u < double(lattice.cells.columns()) && 0.0 <= v
-            && v < double(lattice.cells.rows());
-        return within ? lattice.cells(i64(v), i64(u)) : 0;
+        i64 i = column_near(x), j = row_near(y);
+        return i < 0 || j < 0 ? 0 : lattice.cells(j, i);
+    }
+
+private:
+    INLINE i64 cell_at(double at, int axis, i64 count) const {
+        double u = (at - lattice.frame[axis]) * lattice.frame[2 + axis];
+        return 0.0 <= u && u < double(count) ? i64(u) : -1;
     }
 };
 
@@ -68,6 +78,7 @@ struct Face {
     double z;
     i64 element;
     i32 surface;
+    i32 storey = -1;  // that it belongs to; -1 for the ground
     double slope_x = 0.0, slope_y = 0.0;
 };
 
@@ -76,7 +87,7 @@ struct Solid {
 };
 
 // The column at a point: what is solid, from below; the ground begins at -INF.
-class Column {
+class SolidColumn {
 public:
     std::vector<Solid> solids;
 
@@ -155,10 +166,10 @@ template <class Visit> void visit_arguments(ColumnRows& c, Visit visit) {
     visit("under[n,m]", c.under);
 }
 
-// Maker of columns; each thread needs its own.
+// Maker of columns; each thread needs its own. Slopes are computed only where `sloped` holds.
 class ColumnMaker {
 public:
-    Column column;
+    SolidColumn column;
 
     explicit ColumnMaker(const Storeys& storeys) : storeys_(storeys) {
         i64 most = 1;
@@ -167,23 +178,54 @@ public:
         stack_.resize(most);
     }
 
-    // Put the storeys at a point into a column that has the ground.
-    void put_storeys(double x, double y) {
-        u64 near = storeys_.near(x, y);
+    // Put the storeys at a point into a column that has the ground; `near` are the bits there.
+    template <bool sloped> void put_storeys(double x, double y, u64 near) {
         constexpr i64 last = 63;
         i64 count = count_of(storeys_.sheets);
-        for (i64 k = 0; near && k < count; ++k)
-            if (near >> min(k, last) & 1) put_sheet(storeys_.sheets[k], x, y);
+        for (; near; near &= near - 1) {
+            i64 k = std::countr_zero(near);
+            put_sheet<sloped>(storeys_.sheets[k], x, y);
+            for (i64 further = k + 1; k == last && further < count; ++further)
+                put_sheet<sloped>(storeys_.sheets[further], x, y);
+        }
+    }
+
+    // Let tracks and reliefs change the tops of a column, as they do on plain ground. An element
+    // becomes `first_track` and the number of the track that decides the surface.
+    template <bool sloped> void settle(const Field& field, double x, double y, i64 first_track) {
+        i64 cell = has_tracks(field) ? cell_near(field.tracks, x, y) : -1;
+        if (cell < 0 && !has_reliefs(field)) return;
+        auto& solids = column.solids;
+        if (cell >= 0) before_ = solids;
+        for (i64 k = 0; k < count_of(solids); ++k) {
+            Face& top = solids[k].top;
+            if (cell >= 0) {
+                auto chosen = [&](const Segment& segment) {
+                    return top_under(before_, height_of_path(segment, x, y)) == k;
+                };
+                Rut rut = chosen_rut_in(field.tracks, cell, x, y, top.surface, chosen);
+                top.z -= rut.depth;
+                if (rut.surface_track >= 0) {
+                    top.surface = field.tracks.surface[rut.surface_track];
+                    top.element = first_track + rut.surface_track;
+                }
+            }
+            if (has_reliefs(field)) {
+                ReliefPoint relief = relief_at<sloped>(relief_of(field, top.surface), x, y);
+                top.z += relief.z, top.slope_x += relief.slope_x, top.slope_y += relief.slope_y;
+            }
+        }
     }
 
 private:
     const Storeys& storeys_;
     Stack stack_;
+    std::vector<Solid> before_;
 
-    void put_sheet(const Sheet& sheet, double x, double y) {
+    template <bool sloped> void put_sheet(const Sheet& sheet, double x, double y) {
         const StoreyTable& table = storeys_.table;
         if (!is_inside(sheet.tops->bounds, x, y)) return;
-        Found found = descend<true>(*sheet.tops, x, y, stack_);
+        Found found = descend<sloped>(*sheet.tops, x, y, stack_);
         i32 storey = found.top < 0 ? -1 : sheet.storeys[found.top];
         if (storey < 0) return;
         i64 element = sheet.numbers[found.top];
@@ -198,42 +240,14 @@ private:
         double other = isnan(gap) ? own : sheet.is_bore ? own + gap : own - gap;
         Worn worn = worn_of(*sheet.tops, found);
         bool is_void = worn.is_void || isnan(found.z);
-        Face top{
-            is_void ? -INF : found.z, element, i32(worn.surface), found.slope_x, found.slope_y
-        };
-        Face face{other, table.numbers[storey], table.surface[storey]};
+        i32 surface = worn.surface == sheet.bare ? -1 : i32(worn.surface);
+        double z = is_void ? -INF : found.z;
+        Face top{z, element, surface, storey, found.slope_x, found.slope_y};
+        Face face{other, table.numbers[storey], table.surface[storey], storey};
         if (sheet.is_bore) column.take(top, face);
         else if (!is_void) column.add({face, top});
     }
 };
-
-// Let tracks and reliefs change the tops of a column, as they do on plain ground. An element
-// becomes `first_track` and the number of the track that decides the surface.
-inline void settle_column(
-    const Field& field, double x, double y, i64 first_track, std::vector<Solid>& solids
-) {
-    i64 cell = has_tracks(field) ? cell_near(field.tracks, x, y) : -1;
-    std::vector<Solid> before;
-    if (cell >= 0) before = solids;
-    for (i64 k = 0; k < count_of(solids); ++k) {
-        Face& top = solids[k].top;
-        if (cell >= 0) {
-            auto chosen = [&](const Segment& segment) {
-                return top_under(before, height_of_path(segment, x, y)) == k;
-            };
-            Rut rut = chosen_rut_in(field.tracks, cell, x, y, top.surface, chosen);
-            top.z -= rut.depth;
-            if (rut.surface_track >= 0) {
-                top.surface = field.tracks.surface[rut.surface_track];
-                top.element = first_track + rut.surface_track;
-            }
-        }
-        if (has_reliefs(field)) {
-            ReliefPoint relief = relief_at<true>(relief_of(field, top.surface), x, y);
-            top.z += relief.z, top.slope_x += relief.slope_x, top.slope_y += relief.slope_y;
-        }
-    }
-}
 
 // Columns at points, by their ground. `field` has the tracks and the reliefs.
 inline void columns(
@@ -244,11 +258,11 @@ inline void columns(
     auto& solids = maker.column.solids;
     for (std::size_t n = 0; n < x.size(); ++n) {
         maker.column.begin(
-            {ground.height[n], ground.element[n], ground.surface[n], ground.gradient(n, 0),
+            {ground.height[n], ground.element[n], ground.surface[n], -1, ground.gradient(n, 0),
              ground.gradient(n, 1)}
         );
-        maker.put_storeys(x[n], y[n]);
-        settle_column(field, x[n], y[n], first_track, solids);
+        maker.put_storeys<true>(x[n], y[n], storeys.near(x[n], y[n]));
+        maker.settle<true>(field, x[n], y[n], first_track);
         out.held[n] = i32(solids.size());
         for (i64 k = 0; k < count_of(solids); ++k) {
             const auto& [bottom, top] = solids[k];
@@ -257,6 +271,25 @@ inline void columns(
             out.surface(n, k) = top.surface;
             out.slope_x(n, k) = top.slope_x, out.slope_y(n, k) = top.slope_y;
         }
+    }
+}
+
+// Put the highest top, or the highest not above `below`, in place of the height of the ground where
+// storeys may be. The ground has neither ruts nor relief.
+inline void top_heights(const Storeys& storeys, In x, In y, In below, Out height) {
+    ColumnMaker maker(storeys);
+    auto& solids = maker.column.solids;
+    for (std::size_t n = 0; n < x.size(); ++n) {
+        u64 near = storeys.near(x[n], y[n]);
+        if (!near) {
+            if (!below.empty() && !(height[n] <= below[n])) height[n] = NaN;
+            continue;
+        }
+        maker.column.begin({height[n], 0, -1});
+        maker.put_storeys<false>(x[n], y[n], near);
+        i64 k = count_of(solids) - 1;
+        while (k >= 0 && !below.empty() && !(solids[k].top.z <= below[n])) --k;
+        height[n] = k < 0 ? NaN : solids[k].top.z;
     }
 }
 
