@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 # a test checks
 LAYERS = (
     "height", "surface", "slope", "aspect", "normal", "cohesion", "friction", "sinkage", "sonar",
-    "color", "hillshade",
+    "color", "hillshade", "ground", "clearance", "storeys", "columns",
 )  # fmt: skip
 CONTOURS = "contours"
 COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -88,6 +89,11 @@ class Sheet:
     numbers: Ints
     faced: NDArray[np.int32]
     is_bore: bool
+
+    @property
+    def bare(self) -> int:
+        """Index of the surface that stands for none, the last one."""
+        return len(self.top.surfaces) - 1
 
     @property
     def tops(self) -> kernels.Field:
@@ -247,7 +253,14 @@ class Storeys:
         keyed = _sheet_keys(plan, indices)
         self.sheets = tuple(maker.make(members) for members in keyed)
         self.lattice = _lattice(footprints, keyed)
-        self.field = kernels.Storeys(self.sheets, self.table, self.lattice)
+
+    @cached_property
+    def field(self) -> kernels.Storeys:
+        """Sheets, table and lattice, checked and kept by the kernels."""
+        return kernels.Storeys(self.sheets, self.table, self.lattice)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "field"}
 
     def near(self, x: Floats, y: Floats) -> NDArray[np.bool_]:
         """Whether storeys may be at points, (n,); where not, there is the ground alone."""
