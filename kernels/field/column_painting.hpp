@@ -39,74 +39,108 @@ struct Hidden {
 // Bands of columns: ground, clearance over it, number of tops, then top, bottom, top, bottom …
 constexpr i64 GROUND_BAND = 0, CLEARANCE_BAND = 1, COUNT_BAND = 2, FIRST_BAND = 3;
 
-// Labels of the tops of storeys, as `label_block` makes those of the ground.
-class TopLabels {
-public:
-    explicit TopLabels(const Storeys& storeys)
-        : storeys_(storeys), edges_(most_kinds(storeys), 1),
-          canvas_(*storeys.sheets[0].tops, false, true, edges_) {
-        sheets_.resize(storeys.table.gaps.size());
-        i64 most = 1;
-        for (std::size_t k = 0; k < storeys.sheets.size(); ++k) {
-            most = max(most, storeys.sheets[k].tops->pending);
-            for (i32 storey : storeys.sheets[k].storeys)
-                if (storey >= 0) sheets_[storey] = i64(k);
-        }
-        canvas_.stack.resize(most);
-    }
+// Canvas for the tops or other faces of sheets: elements in place of surfaces, and each edge may be
+// a wall.
+class SheetCanvas {
+    std::vector<u8> edges_;
 
-    u32 of(i32 storey, double x, double y, double resolution) {
-        constexpr u64 storey_key = u64(3) << 61;
-        In xs(&x, 1), ys(&y, 1);
-        const Field& tops = *storeys_.sheets[sheets_[storey]].tops;
-        paint_tile(tops, canvas_, xs, ys, resolution, {0, 1, 0, 1});
-        return canvas_.labels(0, 0) + hash32(storey_key + u64(storey));
+public:
+    Canvas<u32> canvas;
+
+    SheetCanvas(
+        const Storeys& storeys, const Field* const Sheet::* fields, bool slopes, bool labels
+    )
+        : canvas(*(storeys.sheets[0].*fields), slopes, labels, edges(storeys, fields)) {
+        canvas.numbered = true;
+        i64 most = 1;
+        for (const Sheet& sheet : storeys.sheets) most = max(most, (sheet.*fields)->pending);
+        canvas.stack.resize(most);
     }
 
 private:
-    const Storeys& storeys_;
-    std::vector<u8> edges_;  // each may be a wall
-    Canvas<u32> canvas_;
-    std::vector<i64> sheets_;  // of each storey
-
-    static std::size_t most_kinds(const Storeys& storeys) {
+    Span<const u8> edges(const Storeys& storeys, const Field* const Sheet::* fields) {
         std::size_t most = 0;
-        for (const Sheet& sheet : storeys.sheets) most = max(most, sheet.tops->kinds.size());
-        return most;
+        for (const Sheet& sheet : storeys.sheets) most = max(most, (sheet.*fields)->kinds.size());
+        edges_.assign(most, 1);
+        return edges_;
     }
 };
 
-// A pixel under which there may be storeys, and its column among those of a tile.
+// A pixel over which a storey was met: its ground, and the first and last storey in order.
+struct StoreyPixel {
+    i64 row, column;  // of the tile, rows from the south
+    i64 first, last;  // of what was met
+    Face ground;
+    bool unsure;  // whether rounding might decide what is over what
+};
+
+// What was met over a pixel in a sheet.
+struct MetStorey {
+    i64 next;
+    i32 sheet, storey;
+    i32 surface;
+    u32 label;
+    double top, face, slope_x, slope_y;  // top: -INF where it is void
+};
+
+// A pixel, and its column among those of a tile.
 struct PixelColumn {
     i64 row, column;  // of the tile, rows from the south
     i64 first, last;  // of its solids
 };
 
 // Paints what is above the ground of a tile; each thread needs its own.
+//
+// The sheets are painted as the ground is, over the cells of the lattice in which they have a bit.
+// Where rounding might decide which of two faces is higher, a pixel is left to the descents.
 template <class Id> class ColumnPainting {
 public:
-    // All pixels of the tile that was painted last under which there may be storeys.
+    // All pixels over which storeys were met in the tile that was painted last.
     std::vector<PixelColumn> pixels;
     std::vector<Solid> solids;
 
-    ColumnPainting(const Field& field, const Storeys& storeys, bool labelled)
-        : field_(field), storeys_(storeys), maker_(storeys) {
-        if (labelled) labels_ = std::make_unique<TopLabels>(storeys);
+    ColumnPainting(const Field& field, const Storeys& storeys, bool slopes, bool labelled)
+        : field_(field), storeys_(storeys), maker_(storeys),
+          tops_(storeys, &Sheet::tops, slopes, labelled),
+          faces_(storeys, &Sheet::faces, false, false), slots_(true) {
+        slots_.fill({0, TILE_WIDTH, 0, TILE_HEIGHT}, -1);
     }
 
-    // Put the highest tops into a painted part of a tile.
-    void paint(Canvas<Id>& canvas, In x, In y, double resolution, const Rectangle& part) {
-        pixels.clear(), solids.clear();
-        if (part.is_empty()) return;
+    void clear() {
+        for (const StoreyPixel& pixel : found_) slots_(pixel.row, pixel.column) = -1;
+        found_.clear(), met_.clear(), pixels.clear(), solids.clear();
+    }
+
+    // Look for storeys over a part of a tile whose elements are painted, but neither tracks nor
+    // reliefs are. `exact` leaves all to the descents, so that all bits are those of queries.
+    void find(
+        Canvas<Id>& canvas, In x, In y, double resolution, const Rectangle& part, bool exact
+    ) {
+        clear();
         find_runs(x, part);
-        i64 row = -1;
-        for (i64 r = part.south; r < part.north; ++r) {
-            i64 j = storeys_.row_near(y[r]);
-            if (j < 0) continue;
-            if (j != row) list_near(row = j);
-            for (const Near& near : near_)
-                for (i64 c = near.begin; c < near.end; ++c)
-                    paint_pixel(canvas, x[c], y[r], resolution, r, c, near.bits);
+        exact_ = exact;
+        for (i64 k = 0; k < count_of(storeys_.sheets); ++k) {
+            if (k <= last_bit) list_rectangles(u64(1) << k, y, part);
+            for (const Rectangle& one : rectangles_) paint_sheet(canvas, k, x, y, resolution, one);
+        }
+    }
+
+    // Put the highest tops into the part of the tile, after tracks and reliefs.
+    void put(Canvas<Id>& canvas, Span<const bool> voids, In x, In y) {
+        for (const StoreyPixel& pixel : found_) {
+            auto [r, c] = std::pair(pixel.row, pixel.column);
+            u32 label = put_column(canvas, voids, pixel, x[c], y[r]);
+            const auto& own = column_.solids;
+            const Face top = own.empty() ? Face{NaN, 0, -1, -1, NaN, NaN} : own.back().top;
+            canvas.heights(r, c) = top.z;
+            if (!own.empty()) canvas.surfaces(r, c) = Id(top.surface + 1);
+            if (canvas.slope_x.exists())
+                canvas.slope_x(r, c) = top.slope_x, canvas.slope_y(r, c) = top.slope_y;
+            if (canvas.labels.exists() && top.storey >= 0)
+                canvas.labels(r, c) = label_of(top, label);
+            i64 first = count_of(solids);
+            solids.insert(solids.end(), own.begin(), own.end());
+            pixels.push_back({r, c, first, count_of(solids)});
         }
     }
 
@@ -124,38 +158,44 @@ public:
     // The bits of the sheets that may have a storey at a point.
     INLINE u64 near(double x, double y) const { return storeys_.near(x, y); }
 
-    // The column at a point within the bounds.
+    // The column at a point within the bounds, by descents.
     const std::vector<Solid>& column_at(Canvas<Id>& canvas, double x, double y, u64 near) {
         Found found = find_elements(field_, x, y, canvas);
         Worn worn = worn_of(field_, found);
         double z = worn.is_void ? NaN : found.z;
-        maker_.column.begin({z, found.top, i32(worn.surface), -1, found.slope_x, found.slope_y});
-        maker_.template put_storeys<true>(x, y, near);
-        maker_.template settle<true>(field_, x, y, 0);
-        return maker_.column.solids;
+        column_.begin({z, found.top, i32(worn.surface), -1, found.slope_x, found.slope_y});
+        maker_.put_storeys(column_, x, y, near);
+        maker_.settle(column_, field_, x, y, 0);
+        return column_.solids;
     }
 
-    // The label of a top at a point; the ground has that which was painted.
-    u32 label_of(const Face& top, u32 painted, double x, double y, double resolution) {
-        if (top.storey < 0) return painted;
-        u32 tracked = has_tracks(field_) ? hash32(std::bit_cast<u64>(top.z)) : 0;
-        return labels_->of(top.storey, x, y, resolution) + tracked;
+    // The label of the top of a storey at a point.
+    u32 label_at(const Face& top, double x, double y, double resolution) {
+        i64 k = 0;
+        while (std::ranges::find(storeys_.sheets[k].storeys, top.storey)
+               == storeys_.sheets[k].storeys.end())
+            ++k;
+        In xs(&x, 1), ys(&y, 1);
+        paint_tile(*storeys_.sheets[k].tops, tops_.canvas, xs, ys, resolution, {0, 1, 0, 1});
+        return label_of(top, tops_.canvas.labels(0, 0));
     }
 
 private:
+    static constexpr i64 last_bit = 63;
     struct Run {
         i64 begin, column;  // first column of the tile, and its column of the lattice
     };
-    struct Near {
-        i64 begin, end;
-        u64 bits;
-    };
     const Field& field_;
     const Storeys& storeys_;
-    ColumnMaker maker_;
-    std::unique_ptr<TopLabels> labels_;
+    ColumnMaker<Face> maker_;
+    SolidColumn<Face> column_;
+    SheetCanvas tops_, faces_;
+    TileOf<i32> slots_;  // of each pixel in `found_`; -1 for none
+    std::vector<StoreyPixel> found_;
+    std::vector<MetStorey> met_;
     std::vector<Run> runs_;
-    std::vector<Near> near_;  // runs of columns of the tile with bits, in a row of the lattice
+    std::vector<Rectangle> rectangles_, open_, still_;
+    bool exact_ = false;
 
     void find_runs(In x, const Rectangle& part) {
         runs_.clear();
@@ -167,30 +207,151 @@ private:
         runs_.push_back({part.east, -1});
     }
 
-    void list_near(i64 row) {
-        near_.clear();
-        for (std::size_t k = 0; k + 1 < runs_.size(); ++k) {
-            i64 column = runs_[k].column;
-            u64 bits = column < 0 ? 0 : storeys_.lattice.cells(row, column);
-            if (bits) near_.push_back({runs_[k].begin, runs_[k + 1].begin, bits});
+    // Rectangles of pixels of a part of a tile whose cells have a bit.
+    void list_rectangles(u64 bit, In y, const Rectangle& part) {
+        rectangles_.clear(), open_.clear();
+        for (i64 south = part.south, north; south < part.north; south = north) {
+            i64 j = storeys_.row_near(y[south]);
+            for (north = south + 1; north < part.north && storeys_.row_near(y[north]) == j;)
+                ++north;
+            still_.clear();
+            for (std::size_t k = 0; j >= 0 && k + 1 < runs_.size(); ++k) {
+                i64 i = runs_[k].column;
+                if (i < 0 || !(storeys_.lattice.cells(j, i) & bit)) continue;
+                i64 west = runs_[k].begin, east = runs_[k + 1].begin;
+                if (!still_.empty() && still_.back().east == west) still_.back().east = east;
+                else still_.push_back({west, east, south, north});
+            }
+            for (const Rectangle& before : open_) {
+                auto same = [&](const Rectangle& one) {
+                    return one.west == before.west && one.east == before.east;
+                };
+                auto after = std::ranges::find_if(still_, same);
+                if (after == still_.end()) rectangles_.push_back(before);
+                else after->south = before.south;
+            }
+            std::swap(open_, still_);
+        }
+        rectangles_.insert(rectangles_.end(), open_.begin(), open_.end());
+    }
+
+    // Meet the storeys of a sheet over a rectangle of pixels.
+    void paint_sheet(
+        Canvas<Id>& ground, i64 k, In x, In y, double resolution, const Rectangle& part
+    ) {
+        const Sheet& sheet = storeys_.sheets[k];
+        const StoreyTable& table = storeys_.table;
+        Canvas<u32>&canvas = tops_.canvas, &faces = faces_.canvas;
+        bool left = paint_tile(*sheet.tops, canvas, x, y, resolution, part);
+        bool has_faces = false;
+        for (i64 r = part.south; r < part.north; ++r) {
+            Span<const u32> numbers = canvas.surfaces.row(r, part.west, part.east);
+            for (i64 c = part.west; c < part.east; ++c) {
+                i64 top = i64(numbers[c - part.west]) - 1;
+                i32 storey = top < 0 ? -1 : sheet.storeys[top];
+                double z = canvas.heights(r, c);
+                if (storey < 0 && !(left && isnan(z))) continue;
+                StoreyPixel& pixel = pixel_at(ground, r, c);
+                const Kind& kind = sheet.tops->kinds[sheet.tops->elements[max(top, i64(0))].kind];
+                if (exact_ || isnan(z) || has_classes(kind)) {
+                    pixel.unsure = true;
+                    continue;
+                }
+                double gap = table.gaps[storey], own = z;
+                if (isnan(gap) || sheet.numbers[top] != table.numbers[storey]) {
+                    if (!has_faces) {
+                        paint_tile(*sheet.faces, faces, x, y, resolution, part);
+                        has_faces = true;
+                    }
+                    i64 face = i64(faces.surfaces(r, c)) - 1;
+                    if (face < 0 || sheet.faced[face] != storey) continue;
+                    own = faces.heights(r, c);
+                    if (isnan(own)) {
+                        pixel.unsure = true;
+                        continue;
+                    }
+                }
+                bool sloped = canvas.slope_x.exists();
+                i64 at = count_of(met_);
+                met_.push_back(
+                    {-1, i32(k), storey, kind.surface == sheet.bare ? -1 : i32(kind.surface),
+                     canvas.labels.exists() ? canvas.labels(r, c) : 0, kind.is_void ? -INF : z,
+                     isnan(gap)          ? own
+                         : sheet.is_bore ? own + gap
+                                         : own - gap,
+                     sloped ? canvas.slope_x(r, c) : 0.0, sloped ? canvas.slope_y(r, c) : 0.0}
+                );
+                (pixel.first < 0 ? pixel.first : met_[pixel.last].next) = at;
+                pixel.last = at;
+            }
         }
     }
 
-    void paint_pixel(
-        Canvas<Id>& canvas, double x, double y, double resolution, i64 r, i64 c, u64 near
+    StoreyPixel& pixel_at(Canvas<Id>& canvas, i64 r, i64 c) {
+        i32& slot = slots_(r, c);
+        if (slot >= 0) return found_[slot];
+        slot = i32(found_.size());
+        bool sloped = canvas.slope_x.exists();
+        Face ground{
+            canvas.heights(r, c),
+            0,
+            i32(canvas.surfaces(r, c)) - 1,
+            -1,
+            sloped ? canvas.slope_x(r, c) : 0.0,
+            sloped ? canvas.slope_y(r, c) : 0.0
+        };
+        return found_.emplace_back(StoreyPixel{r, c, -1, -1, ground, false});
+    }
+
+    // Make the column of a pixel; the label that was painted of the storey that is its top.
+    u32 put_column(
+        Canvas<Id>& canvas, Span<const bool> voids, const StoreyPixel& pixel, double x, double y
     ) {
-        const auto& own = column_at(canvas, x, y, near);
-        bool some = !own.empty();
-        const Face top = some ? own.back().top : Face{NaN, 0, -1, -1, NaN, NaN};
-        canvas.heights(r, c) = top.z;
-        if (some) canvas.surfaces(r, c) = Id(top.surface + 1);
-        if (canvas.slope_x.exists())
-            canvas.slope_x(r, c) = top.slope_x, canvas.slope_y(r, c) = top.slope_y;
-        if (canvas.labels.exists())
-            canvas.labels(r, c) = label_of(top, canvas.labels(r, c), x, y, resolution);
-        i64 first = count_of(solids);
-        solids.insert(solids.end(), own.begin(), own.end());
-        pixels.push_back({r, c, first, count_of(solids)});
+        if (pixel.unsure || is_close(pixel)) {
+            column_at(canvas, x, y, storeys_.near(x, y));
+        } else {
+            Face ground = pixel.ground;
+            if (voids[ground.surface + 1]) ground.z = NaN;
+            column_.begin(ground);
+            for (i64 n = pixel.first; n >= 0; n = met_[n].next) {
+                const MetStorey& met = met_[n];
+                Face top{met.top, 0, met.surface, met.storey, met.slope_x, met.slope_y};
+                Face face{met.face, 0, -1, met.storey};
+                if (storeys_.sheets[met.sheet].is_bore) column_.take(top, face);
+                else if (met.top > -INF) column_.add(face, top);
+            }
+            maker_.settle(column_, field_, x, y, 0);
+        }
+        if (!canvas.labels.exists() || column_.solids.empty()) return 0;
+        i32 storey = column_.solids.back().top.storey;
+        for (i64 n = pixel.first; n >= 0; n = met_[n].next)
+            if (met_[n].storey == storey) return met_[n].label;
+        return 0;
+    }
+
+    // Whether two faces over a pixel are so close that rounding might decide.
+    bool is_close(const StoreyPixel& pixel) const {
+        constexpr double doubt = 1e-9;
+        double ground = pixel.ground.z;
+        auto close = [&](double a, double b) { return abs(a - b) <= doubt * (1.0 + abs(a)); };
+        for (i64 n = pixel.first; n >= 0; n = met_[n].next) {
+            const MetStorey& one = met_[n];
+            if (close(one.top, ground) || close(one.face, ground) || close(one.top, one.face))
+                return true;
+            for (i64 m = one.next; m >= 0; m = met_[m].next) {
+                const MetStorey& other = met_[m];
+                if (close(one.top, other.top) || close(one.face, other.face)
+                    || close(one.top, other.face) || close(one.face, other.top))
+                    return true;
+            }
+        }
+        return false;
+    }
+
+    u32 label_of(const Face& top, u32 painted) const {
+        constexpr u64 storey_key = u64(3) << 61;
+        u32 tracked = has_tracks(field_) ? hash32(std::bit_cast<u64>(top.z)) : 0;
+        return painted + hash32(storey_key + u64(top.storey)) + tracked;
     }
 };
 

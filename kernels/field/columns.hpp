@@ -67,6 +67,17 @@ private:
     }
 };
 
+// Call visit(number of the sheet) for the sheets of some bits, in their order.
+template <class Visit> INLINE void visit_sheets(const Storeys& storeys, u64 near, Visit visit) {
+    constexpr i64 last = 63;
+    for (; near; near &= near - 1) {
+        i64 k = std::countr_zero(near);
+        visit(k);
+        if (k == last)
+            for (i64 further = k + 1; further < count_of(storeys.sheets); ++further) visit(further);
+    }
+}
+
 // Whether storeys may be at points.
 inline void near_storeys(const Storeys& storeys, In x, In y, Span<bool> out) {
     for (std::size_t n = 0; n < x.size(); ++n) out[n] = storeys.near(x[n], y[n]) != 0;
@@ -76,32 +87,45 @@ inline void near_storeys(const Storeys& storeys, In x, In y, Span<bool> out) {
 // top.
 struct Face {
     double z;
-    i64 element;
-    i32 surface;
+    i64 element = NO_ELEMENT;
+    i32 surface = -1;
     i32 storey = -1;  // that it belongs to; -1 for the ground
     double slope_x = 0.0, slope_y = 0.0;
 };
 
-struct Solid {
-    Face bottom, top;
+// The same where heights are all that is wanted.
+struct FaceHeight {
+    double z;
 };
 
-// The column at a point: what is solid, from below; the ground begins at -INF.
-class SolidColumn {
-public:
-    std::vector<Solid> solids;
+template <class F> struct SolidOf {
+    F bottom, top;
+};
+using Solid = SolidOf<Face>;
 
-    void begin(const Face& ground) {
+// The column at a point: what is solid, from below; the ground begins at -INF.
+template <class F> class SolidColumn {
+public:
+    std::vector<SolidOf<F>> solids;
+
+    void begin(const F& ground) {
         solids.clear();
-        if (!isnan(ground.z)) solids.push_back({{-INF, NO_ELEMENT, -1}, ground});
+        if (isnan(ground.z)) return;
+        SolidOf<F>& first = solids.emplace_back();
+        first.bottom.z = -INF, first.top = ground;
     }
 
     // A deck: what it touches becomes one with it; of equal ends the deck's count.
-    void add(Solid deck) {
-        if (!(deck.top.z > deck.bottom.z)) return;
+    void add(const F& bottom, const F& top) {
+        if (!(top.z > bottom.z)) return;
+        if (solids.empty() || solids.back().top.z < bottom.z) {  // mostly it is over all else
+            solids.push_back({bottom, top});
+            return;
+        }
         auto first = solids.begin();
-        while (first != solids.end() && first->top.z < deck.bottom.z) ++first;
+        while (first->top.z < bottom.z) ++first;
         auto last = first;
+        SolidOf<F> deck{bottom, top};
         for (; last != solids.end() && last->bottom.z <= deck.top.z; ++last) {
             if (last->bottom.z < deck.bottom.z) deck.bottom = last->bottom;
             if (last->top.z > deck.top.z) deck.top = last->top;
@@ -110,10 +134,10 @@ public:
     }
 
     // A bore: what is above its floor and not above its ceiling goes.
-    void take(const Face& floor, const Face& ceiling) {
+    void take(const F& floor, const F& ceiling) {
         if (!(ceiling.z > floor.z)) return;
         kept_.clear();
-        for (const Solid& one : solids) {
+        for (const SolidOf<F>& one : solids) {
             if (one.top.z <= floor.z || one.bottom.z >= ceiling.z) {
                 kept_.push_back(one);
                 continue;
@@ -125,7 +149,7 @@ public:
     }
 
 private:
-    std::vector<Solid> kept_;
+    std::vector<SolidOf<F>> kept_;
 };
 
 // Which top a point of a path lies on: the nearest to z, of equally near ones the lower. A path
@@ -166,10 +190,19 @@ template <class Visit> void visit_arguments(ColumnRows& c, Visit visit) {
     visit("under[n,m]", c.under);
 }
 
-// Maker of columns; each thread needs its own. Slopes are computed only where `sloped` holds.
-class ColumnMaker {
+// What a descent, or a painted pixel, finds of the tops of a sheet.
+struct SheetTop {
+    double z;
+    i64 top;  // the element that decides the surface
+    Worn worn;
+    double slope_x, slope_y;
+};
+
+// Maker of columns; each thread needs its own.
+template <class F> class ColumnMaker {
 public:
-    SolidColumn column;
+    static constexpr bool sloped = std::is_same_v<F, Face>;
+    using Column = SolidColumn<F>;
 
     explicit ColumnMaker(const Storeys& storeys) : storeys_(storeys) {
         i64 most = 1;
@@ -179,20 +212,46 @@ public:
     }
 
     // Put the storeys at a point into a column that has the ground; `near` are the bits there.
-    template <bool sloped> void put_storeys(double x, double y, u64 near) {
-        constexpr i64 last = 63;
-        i64 count = count_of(storeys_.sheets);
-        for (; near; near &= near - 1) {
-            i64 k = std::countr_zero(near);
-            put_sheet<sloped>(storeys_.sheets[k], x, y);
-            for (i64 further = k + 1; k == last && further < count; ++further)
-                put_sheet<sloped>(storeys_.sheets[further], x, y);
+    void put_storeys(Column& column, double x, double y, u64 near) {
+        visit_sheets(storeys_, near, [&](i64 k) { put_sheet(column, storeys_.sheets[k], x, y); });
+    }
+
+    // Put the storey of a sheet at a point into a column, if there is one.
+    void put_sheet(Column& column, const Sheet& sheet, double x, double y) {
+        if (!is_inside(sheet.tops->bounds, x, y)) return;
+        Found found = descend<sloped>(*sheet.tops, x, y, stack_);
+        if (found.top < 0 || sheet.storeys[found.top] < 0) return;
+        Worn worn = worn_of(*sheet.tops, found);
+        put_top(column, sheet, x, y, {found.z, found.top, worn, found.slope_x, found.slope_y});
+    }
+
+    // Put the storey whose top was found at a point; its element belongs to a storey.
+    void put_top(Column& column, const Sheet& sheet, double x, double y, const SheetTop& found) {
+        const StoreyTable& table = storeys_.table;
+        i32 storey = sheet.storeys[found.top];
+        double gap = table.gaps[storey], own = found.z;
+        // where the storey's own element is the top one, no other is added to it
+        if (isnan(gap) || sheet.numbers[found.top] != table.numbers[storey]) {
+            Found face = descend<false>(*sheet.faces, x, y, stack_);
+            if (face.top < 0 || sheet.faced[face.top] != storey) return;  // beside its footprint
+            own = face.z;
         }
+        if (isnan(own)) return;
+        double other = isnan(gap) ? own : sheet.is_bore ? own + gap : own - gap;
+        bool is_void = found.worn.is_void || isnan(found.z);
+        F top{is_void ? -INF : found.z}, face{other};
+        if constexpr (sloped) {
+            i32 surface = found.worn.surface == sheet.bare ? -1 : i32(found.worn.surface);
+            top = {top.z, sheet.numbers[found.top], surface, storey, found.slope_x, found.slope_y};
+            face = {other, table.numbers[storey], table.surface[storey], storey};
+        }
+        if (sheet.is_bore) column.take(top, face);
+        else if (!is_void) column.add(face, top);
     }
 
     // Let tracks and reliefs change the tops of a column, as they do on plain ground. An element
     // becomes `first_track` and the number of the track that decides the surface.
-    template <bool sloped> void settle(const Field& field, double x, double y, i64 first_track) {
+    void settle(Column& column, const Field& field, double x, double y, i64 first_track) {
         i64 cell = has_tracks(field) ? cell_near(field.tracks, x, y) : -1;
         if (cell < 0 && !has_reliefs(field)) return;
         auto& solids = column.solids;
@@ -211,7 +270,7 @@ public:
                 }
             }
             if (has_reliefs(field)) {
-                ReliefPoint relief = relief_at<sloped>(relief_of(field, top.surface), x, y);
+                ReliefPoint relief = relief_at<true>(relief_of(field, top.surface), x, y);
                 top.z += relief.z, top.slope_x += relief.slope_x, top.slope_y += relief.slope_y;
             }
         }
@@ -220,33 +279,7 @@ public:
 private:
     const Storeys& storeys_;
     Stack stack_;
-    std::vector<Solid> before_;
-
-    template <bool sloped> void put_sheet(const Sheet& sheet, double x, double y) {
-        const StoreyTable& table = storeys_.table;
-        if (!is_inside(sheet.tops->bounds, x, y)) return;
-        Found found = descend<sloped>(*sheet.tops, x, y, stack_);
-        i32 storey = found.top < 0 ? -1 : sheet.storeys[found.top];
-        if (storey < 0) return;
-        i64 element = sheet.numbers[found.top];
-        double gap = table.gaps[storey], own = found.z;
-        // where the storey's own element is the top one, no other is added to it
-        if (isnan(gap) || element != table.numbers[storey]) {
-            Found face = descend<false>(*sheet.faces, x, y, stack_);
-            if (face.top < 0 || sheet.faced[face.top] != storey) return;  // beside its footprint
-            own = face.z;
-        }
-        if (isnan(own)) return;
-        double other = isnan(gap) ? own : sheet.is_bore ? own + gap : own - gap;
-        Worn worn = worn_of(*sheet.tops, found);
-        bool is_void = worn.is_void || isnan(found.z);
-        i32 surface = worn.surface == sheet.bare ? -1 : i32(worn.surface);
-        double z = is_void ? -INF : found.z;
-        Face top{z, element, surface, storey, found.slope_x, found.slope_y};
-        Face face{other, table.numbers[storey], table.surface[storey], storey};
-        if (sheet.is_bore) column.take(top, face);
-        else if (!is_void) column.add({face, top});
-    }
+    std::vector<SolidOf<F>> before_;
 };
 
 // Columns at points, by their ground. `field` has the tracks and the reliefs.
@@ -254,15 +287,16 @@ inline void columns(
     const Storeys& storeys, const Field& field, In x, In y, const ColumnGround& ground,
     i64 first_track, const ColumnRows& out
 ) {
-    ColumnMaker maker(storeys);
-    auto& solids = maker.column.solids;
+    ColumnMaker<Face> maker(storeys);
+    SolidColumn<Face> column;
+    auto& solids = column.solids;
     for (std::size_t n = 0; n < x.size(); ++n) {
-        maker.column.begin(
+        column.begin(
             {ground.height[n], ground.element[n], ground.surface[n], -1, ground.gradient(n, 0),
              ground.gradient(n, 1)}
         );
-        maker.put_storeys<true>(x[n], y[n], storeys.near(x[n], y[n]));
-        maker.settle<true>(field, x[n], y[n], first_track);
+        maker.put_storeys(column, x[n], y[n], storeys.near(x[n], y[n]));
+        maker.settle(column, field, x[n], y[n], first_track);
         out.held[n] = i32(solids.size());
         for (i64 k = 0; k < count_of(solids); ++k) {
             const auto& [bottom, top] = solids[k];
@@ -274,23 +308,82 @@ inline void columns(
     }
 }
 
-// Put the highest top, or the highest not above `below`, in place of the height of the ground where
-// storeys may be. The ground has neither ruts nor relief.
-inline void top_heights(const Storeys& storeys, In x, In y, In below, Out height) {
-    ColumnMaker maker(storeys);
-    auto& solids = maker.column.solids;
-    for (std::size_t n = 0; n < x.size(); ++n) {
-        u64 near = storeys.near(x[n], y[n]);
-        if (!near) {
-            if (!below.empty() && !(height[n] <= below[n])) height[n] = NaN;
-            continue;
+// Heights of points in place of those of the bare ground, in batches.
+class TopHeights {
+public:
+    explicit TopHeights(const Storeys& storeys)
+        : storeys_(storeys), maker_(storeys), columns_(BATCH), scratch_(*storeys.sheets[0].tops) {
+        for (const Sheet& sheet : storeys.sheets) {
+            batched_.push_back(PointBatch<false>::is_possible(*sheet.tops));
+            if (count_of(scratch_.stack) < sheet.tops->pending)
+                scratch_.stack.resize(sheet.tops->pending);
         }
-        maker.column.begin({height[n], 0, -1});
-        maker.put_storeys<false>(x[n], y[n], near);
-        i64 k = count_of(solids) - 1;
-        while (k >= 0 && !below.empty() && !(solids[k].top.z <= below[n])) --k;
-        height[n] = k < 0 ? NaN : solids[k].top.z;
     }
+
+    // Put the highest top, or the highest not above `below`, in place of the height of the ground
+    // where storeys may be. The ground has neither ruts nor relief.
+    void put(In x, In y, In below, Out height) {
+        std::size_t n = 0;
+        while (n < x.size()) {
+            std::size_t count = 0;
+            u64 all = 0;
+            for (; n < x.size() && count < BATCH; ++n) {
+                u64 near = storeys_.near(x[n], y[n]);
+                if (near) {
+                    points_[count] = n, near_[count] = near, all |= near;
+                    columns_[count++].begin({height[n]});
+                } else if (!below.empty() && !(height[n] <= below[n])) {
+                    height[n] = NaN;
+                }
+            }
+            visit_sheets(storeys_, all, [&](i64 k) { put_sheet(k, x, y, count); });
+            for (std::size_t at = 0; at < count; ++at) {
+                const auto& solids = columns_[at].solids;
+                std::size_t point = points_[at];
+                i64 k = count_of(solids) - 1;
+                while (k >= 0 && !below.empty() && !(solids[k].top.z <= below[point])) --k;
+                height[point] = k < 0 ? NaN : solids[k].top.z;
+            }
+        }
+    }
+
+private:
+    const Storeys& storeys_;
+    ColumnMaker<FaceHeight> maker_;
+    std::vector<SolidColumn<FaceHeight>> columns_;
+    std::vector<bool> batched_;
+    Scratch scratch_;
+    std::array<std::size_t, BATCH> points_, some_;
+    std::array<u64, BATCH> near_;
+    std::array<double, BATCH> x_, y_, z_;
+
+    // Put the storeys of a sheet into the columns of so many points.
+    void put_sheet(i64 k, In x, In y, std::size_t points) {
+        const Sheet& sheet = storeys_.sheets[k];
+        const Field& tops = *sheet.tops;
+        u64 bit = u64(1) << min(k, i64(63));
+        std::size_t count = 0;
+        for (std::size_t at = 0; at < points; ++at) {
+            if (!(near_[at] & bit)) continue;
+            some_[count] = at, x_[count] = x[points_[at]], y_[count++] = y[points_[at]];
+        }
+        bool batched = batched_[k];
+        if (batched)
+            batch_heights(
+                tops, In{x_.data(), count}, In{y_.data(), count}, scratch_, Out{z_.data(), count}
+            );
+        for (std::size_t n = 0; n < count; ++n) {
+            auto& column = columns_[some_[n]];
+            i64 top = batched ? scratch_.top[n] : COMPLETE;
+            if (top >= 0 && sheet.storeys[top] < 0) continue;
+            if (top < 0 || isnan(z_[n])) maker_.put_sheet(column, sheet, x_[n], y_[n]);
+            else maker_.put_top(column, sheet, x_[n], y_[n], {z_[n], top, {-1, false}, 0.0, 0.0});
+        }
+    }
+};
+
+inline void top_heights(const Storeys& storeys, In x, In y, In below, Out height) {
+    TopHeights(storeys).put(x, y, below, height);
 }
 
 }  // namespace terratool

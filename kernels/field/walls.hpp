@@ -76,7 +76,7 @@ public:
     // With `storeys`, walls are those of the highest tops, else those of the ground.
     WallFinder(const Field& field, Span<const u8> nonzero_edges, const Storeys* storeys)
         : field_(field), canvas_(field, false, true, nonzero_edges) {
-        if (storeys) above_ = std::make_unique<ColumnPainting<u32>>(field, *storeys, true);
+        if (storeys) above_ = std::make_unique<ColumnPainting<u32>>(field, *storeys, true, true);
     }
 
     // For each pair the height of the wall in it, 0 if none, and for how much wall it stands.
@@ -263,7 +263,7 @@ private:
         if (has_tracks(field_)) paint_tracks(field_, canvas_, xs, ys, pixel);
         u32 painted = canvas_.labels(0, 0);
         auto top = top_at(x, y);
-        return top ? above_->label_of(*top, painted, x, y, resolution) : painted;
+        return top && top->storey >= 0 ? above_->label_at(*top, x, y, resolution) : painted;
     }
 };
 

@@ -90,6 +90,7 @@ void paint_window(
     i64 along = (height + TILE_HEIGHT - 1) / TILE_HEIGHT;
     if (!across || !along) return;
     i64 wide = (width + across - 1) / across, tall = (height + along - 1) / along;
+    bool exact = std::holds_alternative<Matrix<double>>(planes.heights);
     for (i64 line = 0; line < height; line += tall) {
         for (i64 column = 0; column < width; column += wide) {
             In xs = window.x.subspan(column, min(wide, width - column));
@@ -106,12 +107,15 @@ void paint_window(
                         field, canvas, xs, ys, window.row + height - 1 - line,
                         window.column + column, part
                     );
+                if (above) above->find(canvas, xs, ys, window.resolution, part, exact);
                 if (has_tracks(field)) paint_tracks(field, canvas, xs, ys, part);
                 if (has_reliefs(field)) paint_reliefs(field, canvas, xs, ys, part);
-            }
-            if (above) {
-                above->paint(canvas, xs, ys, window.resolution, part);
-                above->count(planes.hidden, height - 1 - line, column);
+                if (above) {
+                    above->put(canvas, voids, xs, ys);
+                    above->count(planes.hidden, height - 1 - line, column);
+                }
+            } else if (above) {
+                above->clear();
             }
             for (i64 r = 0; r < count_of(ys); ++r) {
                 bool painted = !part.is_empty() && part.south <= r && r < part.north;

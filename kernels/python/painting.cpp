@@ -72,7 +72,7 @@ private:
         if (!given.is_none()) {
             const Storeys& storeys = Argument<Storeys>(given, where("storeys")).get();
             storeys_ = storeys.table.gaps.size();
-            above = std::make_unique<ColumnPainting<Id>>(field_, storeys, labels_);
+            above = std::make_unique<ColumnPainting<Id>>(field_, storeys, slopes_, labels_);
         }
         Canvas<Id> canvas(field_, slopes_, labels_, nonzero_.get());
         return std::make_unique<With<Id>>(std::move(canvas), std::move(above));
