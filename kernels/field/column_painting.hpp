@@ -39,6 +39,8 @@ struct Hidden {
 // Bands of columns: ground, clearance over it, number of tops, then top, bottom, top, bottom …
 constexpr i64 GROUND_BAND = 0, CLEARANCE_BAND = 1, COUNT_BAND = 2, FIRST_BAND = 3;
 
+constexpr u64 STOREY_KEY = u64(3) << 61;
+
 // Canvas for the tops or other faces of sheets: elements in place of surfaces, and each edge may be
 // a wall.
 class SheetCanvas {
@@ -112,16 +114,19 @@ public:
     }
 
     // Look for storeys over a part of a tile whose elements are painted, but neither tracks nor
-    // reliefs are. `exact` leaves all to the descents, so that all bits are those of queries.
+    // reliefs are. `exact` leaves all to the descents, so that all bits are those of queries;
+    // `kept` are columns that somebody looks at, and not at the highest tops alone.
     void find(
-        Canvas<Id>& canvas, In x, In y, double resolution, const Rectangle& part, bool exact
+        Canvas<Id>& canvas, Span<const bool> voids, In x, In y, double resolution,
+        const Rectangle& part, bool exact, bool kept
     ) {
         clear();
         find_runs(x, part);
-        exact_ = exact;
+        exact_ = exact, direct_ = !exact && !kept && !has_tracks(field_) && !has_reliefs(field_);
         for (i64 k = 0; k < count_of(storeys_.sheets); ++k) {
             if (k <= last_bit) list_rectangles(u64(1) << k, y, part);
-            for (const Rectangle& one : rectangles_) paint_sheet(canvas, k, x, y, resolution, one);
+            for (const NearPixels& one : rectangles_)
+                paint_sheet(canvas, voids, k, x, y, resolution, one);
         }
     }
 
@@ -182,6 +187,10 @@ public:
 
 private:
     static constexpr i64 last_bit = 63;
+    struct NearPixels {
+        Rectangle part;
+        bool alone;  // whether no other sheet may have storeys there
+    };
     struct Run {
         i64 begin, column;  // first column of the tile, and its column of the lattice
     };
@@ -194,8 +203,8 @@ private:
     std::vector<StoreyPixel> found_;
     std::vector<MetStorey> met_;
     std::vector<Run> runs_;
-    std::vector<Rectangle> rectangles_, open_, still_;
-    bool exact_ = false;
+    std::vector<NearPixels> rectangles_, open_, still_;
+    bool exact_ = false, direct_ = false;
 
     void find_runs(In x, const Rectangle& part) {
         runs_.clear();
@@ -217,18 +226,22 @@ private:
             still_.clear();
             for (std::size_t k = 0; j >= 0 && k + 1 < runs_.size(); ++k) {
                 i64 i = runs_[k].column;
-                if (i < 0 || !(storeys_.lattice.cells(j, i) & bit)) continue;
+                u64 near = i < 0 ? 0 : storeys_.lattice.cells(j, i);
+                if (!(near & bit)) continue;
+                bool alone = near == bit && bit >> last_bit == 0;
                 i64 west = runs_[k].begin, east = runs_[k + 1].begin;
-                if (!still_.empty() && still_.back().east == west) still_.back().east = east;
-                else still_.push_back({west, east, south, north});
+                NearPixels* last = still_.empty() ? nullptr : &still_.back();
+                if (last && last->part.east == west && last->alone == alone) last->part.east = east;
+                else still_.push_back({{west, east, south, north}, alone});
             }
-            for (const Rectangle& before : open_) {
-                auto same = [&](const Rectangle& one) {
-                    return one.west == before.west && one.east == before.east;
+            for (const NearPixels& before : open_) {
+                auto same = [&](const NearPixels& one) {
+                    return one.part.west == before.part.west && one.part.east == before.part.east
+                        && one.alone == before.alone;
                 };
                 auto after = std::ranges::find_if(still_, same);
                 if (after == still_.end()) rectangles_.push_back(before);
-                else after->south = before.south;
+                else after->part.south = before.part.south;
             }
             std::swap(open_, still_);
         }
@@ -237,13 +250,15 @@ private:
 
     // Meet the storeys of a sheet over a rectangle of pixels.
     void paint_sheet(
-        Canvas<Id>& ground, i64 k, In x, In y, double resolution, const Rectangle& part
+        Canvas<Id>& ground, Span<const bool> voids, i64 k, In x, In y, double resolution,
+        const NearPixels& near
     ) {
+        const Rectangle& part = near.part;
         const Sheet& sheet = storeys_.sheets[k];
         const StoreyTable& table = storeys_.table;
         Canvas<u32>&canvas = tops_.canvas, &faces = faces_.canvas;
         bool left = paint_tile(*sheet.tops, canvas, x, y, resolution, part);
-        bool has_faces = false;
+        bool has_faces = false, direct = direct_ && near.alone;
         for (i64 r = part.south; r < part.north; ++r) {
             Span<const u32> numbers = canvas.surfaces.row(r, part.west, part.east);
             for (i64 c = part.west; c < part.east; ++c) {
@@ -251,10 +266,9 @@ private:
                 i32 storey = top < 0 ? -1 : sheet.storeys[top];
                 double z = canvas.heights(r, c);
                 if (storey < 0 && !(left && isnan(z))) continue;
-                StoreyPixel& pixel = pixel_at(ground, r, c);
                 const Kind& kind = sheet.tops->kinds[sheet.tops->elements[max(top, i64(0))].kind];
                 if (exact_ || isnan(z) || has_classes(kind)) {
-                    pixel.unsure = true;
+                    pixel_at(ground, r, c).unsure = true;
                     continue;
                 }
                 double gap = table.gaps[storey], own = z;
@@ -263,28 +277,55 @@ private:
                         paint_tile(*sheet.faces, faces, x, y, resolution, part);
                         has_faces = true;
                     }
-                    i64 face = i64(faces.surfaces(r, c)) - 1;
-                    if (face < 0 || sheet.faced[face] != storey) continue;
                     own = faces.heights(r, c);
                     if (isnan(own)) {
-                        pixel.unsure = true;
+                        pixel_at(ground, r, c).unsure = true;
                         continue;
                     }
+                    i64 face = i64(faces.surfaces(r, c)) - 1;
+                    if (face < 0 || sheet.faced[face] != storey) continue;
                 }
                 bool sloped = canvas.slope_x.exists();
+                MetStorey met{
+                    -1,
+                    i32(k),
+                    storey,
+                    kind.surface == sheet.bare ? -1 : i32(kind.surface),
+                    canvas.labels.exists() ? canvas.labels(r, c) : 0,
+                    kind.is_void ? -INF : z,
+                    isnan(gap)          ? own
+                        : sheet.is_bore ? own + gap
+                                        : own - gap,
+                    sloped ? canvas.slope_x(r, c) : 0.0,
+                    sloped ? canvas.slope_y(r, c) : 0.0
+                };
+                if (direct && put_alone(ground, voids, sheet.is_bore, met, r, c)) continue;
+                StoreyPixel& pixel = pixel_at(ground, r, c);
                 i64 at = count_of(met_);
-                met_.push_back(
-                    {-1, i32(k), storey, kind.surface == sheet.bare ? -1 : i32(kind.surface),
-                     canvas.labels.exists() ? canvas.labels(r, c) : 0, kind.is_void ? -INF : z,
-                     isnan(gap)          ? own
-                         : sheet.is_bore ? own + gap
-                                         : own - gap,
-                     sloped ? canvas.slope_x(r, c) : 0.0, sloped ? canvas.slope_y(r, c) : 0.0}
-                );
+                met_.push_back(met);
                 (pixel.first < 0 ? pixel.first : met_[pixel.last].next) = at;
                 pixel.last = at;
             }
         }
+    }
+
+    // Put the highest top of ground and one storey into a pixel; false where rounding might decide.
+    bool put_alone(
+        Canvas<Id>& canvas, Span<const bool> voids, bool is_bore, const MetStorey& met, i64 r, i64 c
+    ) {
+        double z = canvas.heights(r, c);
+        if (voids[canvas.surfaces(r, c)] || met.top == -INF || is_close(met.top, z)
+            || is_close(met.face, z) || is_close(met.top, met.face))
+            return false;
+        bool shown = is_bore ? met.top < z && z < met.face : met.top > z && met.top > met.face;
+        if (!shown) return true;
+        canvas.heights(r, c) = met.top;
+        canvas.surfaces(r, c) = Id(met.surface + 1);
+        if (canvas.slope_x.exists())
+            canvas.slope_x(r, c) = met.slope_x, canvas.slope_y(r, c) = met.slope_y;
+        if (canvas.labels.exists())
+            canvas.labels(r, c) = met.label + hash32(STOREY_KEY + u64(met.storey));
+        return true;
     }
 
     StoreyPixel& pixel_at(Canvas<Id>& canvas, i64 r, i64 c) {
@@ -307,7 +348,7 @@ private:
     u32 put_column(
         Canvas<Id>& canvas, Span<const bool> voids, const StoreyPixel& pixel, double x, double y
     ) {
-        if (pixel.unsure || is_close(pixel)) {
+        if (pixel.unsure || is_close(pixel, met_)) {
             column_at(canvas, x, y, storeys_.near(x, y));
         } else {
             Face ground = pixel.ground;
@@ -329,17 +370,22 @@ private:
         return 0;
     }
 
-    // Whether two faces over a pixel are so close that rounding might decide.
-    bool is_close(const StoreyPixel& pixel) const {
+    // Whether two faces are so close that rounding might decide which is higher.
+    static bool is_close(double a, double b) {
         constexpr double doubt = 1e-9;
+        return abs(a - b) <= doubt * (1.0 + abs(a));
+    }
+
+    // The same of any two over a pixel.
+    static bool is_close(const StoreyPixel& pixel, const std::vector<MetStorey>& met) {
         double ground = pixel.ground.z;
-        auto close = [&](double a, double b) { return abs(a - b) <= doubt * (1.0 + abs(a)); };
-        for (i64 n = pixel.first; n >= 0; n = met_[n].next) {
-            const MetStorey& one = met_[n];
+        auto close = [](double a, double b) { return is_close(a, b); };
+        for (i64 n = pixel.first; n >= 0; n = met[n].next) {
+            const MetStorey& one = met[n];
             if (close(one.top, ground) || close(one.face, ground) || close(one.top, one.face))
                 return true;
-            for (i64 m = one.next; m >= 0; m = met_[m].next) {
-                const MetStorey& other = met_[m];
+            for (i64 m = one.next; m >= 0; m = met[m].next) {
+                const MetStorey& other = met[m];
                 if (close(one.top, other.top) || close(one.face, other.face)
                     || close(one.top, other.face) || close(one.face, other.top))
                     return true;
@@ -349,9 +395,8 @@ private:
     }
 
     u32 label_of(const Face& top, u32 painted) const {
-        constexpr u64 storey_key = u64(3) << 61;
         u32 tracked = has_tracks(field_) ? hash32(std::bit_cast<u64>(top.z)) : 0;
-        return painted + hash32(storey_key + u64(top.storey)) + tracked;
+        return painted + hash32(STOREY_KEY + u64(top.storey)) + tracked;
     }
 };
 

@@ -91,6 +91,8 @@ void paint_window(
     if (!across || !along) return;
     i64 wide = (width + across - 1) / across, tall = (height + along - 1) / along;
     bool exact = std::holds_alternative<Matrix<double>>(planes.heights);
+    bool kept = planes.hidden.exists()
+        || std::visit([](auto one) { return one.size() > 0; }, planes.columns);
     for (i64 line = 0; line < height; line += tall) {
         for (i64 column = 0; column < width; column += wide) {
             In xs = window.x.subspan(column, min(wide, width - column));
@@ -107,7 +109,7 @@ void paint_window(
                         field, canvas, xs, ys, window.row + height - 1 - line,
                         window.column + column, part
                     );
-                if (above) above->find(canvas, xs, ys, window.resolution, part, exact);
+                if (above) above->find(canvas, voids, xs, ys, window.resolution, part, exact, kept);
                 if (has_tracks(field)) paint_tracks(field, canvas, xs, ys, part);
                 if (has_reliefs(field)) paint_reliefs(field, canvas, xs, ys, part);
                 if (above) {
