@@ -80,6 +80,7 @@ class Sheet:
         storeys: (n,) int32, number of the storey of each element of `top`; -1 for none.
         numbers: (n,) int64, number of each element of `top`, from `FIRST_STOREY` on.
         faced: (m,) int32, number of the storey of each element of `face`; -1 for none.
+        bare: index of the surface of `top` that stands for none.
         is_bore: whether they are bores.
     """
 
@@ -88,12 +89,8 @@ class Sheet:
     storeys: NDArray[np.int32]
     numbers: Ints
     faced: NDArray[np.int32]
+    bare: int
     is_bore: bool
-
-    @property
-    def bare(self) -> int:
-        """Index of the surface that stands for none, the last one."""
-        return len(self.top.surfaces) - 1
 
     @property
     def tops(self) -> kernels.Field:
@@ -482,7 +479,7 @@ class _SheetMaker:
         return Sheet(
             top, face, storey[index].astype(np.int32), FIRST_STOREY + index,
             np.where(own_element, storey, -1)[behind].astype(np.int32),
-            not plan.is_deck[members[0]],
+            len(self._definition.surfaces) - 1, not plan.is_deck[members[0]],
         )  # fmt: skip
 
     def _compile(
