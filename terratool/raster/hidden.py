@@ -83,9 +83,7 @@ class HiddenLoss:
                 f"{metres(self.area)}² have 2 storeys or more, of which the heights show the "
                 f"highest"
             )
-            found.append(
-                f"the lowest clearance below is {metres(self.clearance)} at {x}, {y}"
-            )
+            found.append(f"the lowest clearance below is {metres(self.clearance)} at {x}, {y}")
         if self.unseen.count:
             verb = "is" if self.unseen.count == 1 else "are"
             found.append(f"{count_of(self.unseen.count, 'storey')} {verb} seen at no {pixel}")
