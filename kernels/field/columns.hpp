@@ -329,14 +329,25 @@ public:
             u64 all = 0;
             for (; n < x.size() && count < BATCH; ++n) {
                 u64 near = storeys_.near(x[n], y[n]);
-                if (near) {
-                    points_[count] = n, near_[count] = near, all |= near;
-                    columns_[count++].begin({height[n]});
-                } else if (!below.empty() && !(height[n] <= below[n])) {
-                    height[n] = NaN;
-                }
+                if (near) points_[count] = n, near_[count++] = near, all |= near;
+                else if (!below.empty() && !(height[n] <= below[n])) height[n] = NaN;
             }
-            visit_sheets(storeys_, all, [&](i64 k) { put_sheet(k, x, y, count); });
+            bool highest = below.empty();  // of decks alone: no intervals are needed
+            visit_sheets(storeys_, all, [&](i64 k) { highest &= !storeys_.sheets[k].is_bore; });
+            if (highest) {
+                visit_sheets(storeys_, all, [&](i64 k) {
+                    ask(k, x, y, count, [&](std::size_t at, i64 top, double z) {
+                        put_highest(storeys_.sheets[k], at, top, z, x, y, height);
+                    });
+                });
+                continue;
+            }
+            for (std::size_t at = 0; at < count; ++at) columns_[at].begin({height[points_[at]]});
+            visit_sheets(storeys_, all, [&](i64 k) {
+                ask(k, x, y, count, [&](std::size_t at, i64 top, double z) {
+                    put(columns_[at], storeys_.sheets[k], x[points_[at]], y[points_[at]], top, z);
+                });
+            });
             for (std::size_t at = 0; at < count; ++at) {
                 const auto& solids = columns_[at].solids;
                 std::size_t point = points_[at];
@@ -357,28 +368,47 @@ private:
     std::array<u64, BATCH> near_;
     std::array<double, BATCH> x_, y_, z_;
 
-    // Put the storeys of a sheet into the columns of so many points.
-    void put_sheet(i64 k, In x, In y, std::size_t points) {
+    // Call found(which point, top element or less than 0, height) for the points of a sheet; where
+    // there is no element, or no height, that is left to a descent.
+    template <class Found> void ask(i64 k, In x, In y, std::size_t points, Found found) {
         const Sheet& sheet = storeys_.sheets[k];
-        const Field& tops = *sheet.tops;
         u64 bit = u64(1) << min(k, i64(63));
         std::size_t count = 0;
         for (std::size_t at = 0; at < points; ++at) {
             if (!(near_[at] & bit)) continue;
             some_[count] = at, x_[count] = x[points_[at]], y_[count++] = y[points_[at]];
         }
-        bool batched = batched_[k];
-        if (batched)
-            batch_heights(
-                tops, In{x_.data(), count}, In{y_.data(), count}, scratch_, Out{z_.data(), count}
-            );
+        In xs(x_.data(), count), ys(y_.data(), count);
+        if (batched_[k]) batch_heights(*sheet.tops, xs, ys, scratch_, Out{z_.data(), count});
         for (std::size_t n = 0; n < count; ++n) {
-            auto& column = columns_[some_[n]];
-            i64 top = batched ? scratch_.top[n] : COMPLETE;
-            if (top >= 0 && sheet.storeys[top] < 0) continue;
-            if (top < 0 || isnan(z_[n])) maker_.put_sheet(column, sheet, x_[n], y_[n]);
-            else maker_.put_top(column, sheet, x_[n], y_[n], {z_[n], top, {-1, false}, 0.0, 0.0});
+            i64 top = batched_[k] ? scratch_.top[n] : COMPLETE;
+            if (top < 0 || sheet.storeys[top] >= 0) found(some_[n], top, z_[n]);
         }
+    }
+
+    void put(
+        SolidColumn<FaceHeight>& column, const Sheet& sheet, double x, double y, i64 top, double z
+    ) {
+        if (top < 0 || isnan(z)) maker_.put_sheet(column, sheet, x, y);
+        else maker_.put_top(column, sheet, x, y, {z, top, {-1, false}, 0.0, 0.0});
+    }
+
+    // Put the top of a deck in place of a height, if it is higher.
+    void put_highest(
+        const Sheet& sheet, std::size_t at, i64 top, double z, In x, In y, Out height
+    ) {
+        std::size_t point = points_[at];
+        const StoreyTable& table = storeys_.table;
+        i32 storey = top < 0 ? -1 : sheet.storeys[top];
+        bool plain = storey >= 0 && !isnan(z) && !isnan(table.gaps[storey])
+            && sheet.numbers[top] == table.numbers[storey];
+        if (!plain) {
+            columns_[0].begin({NaN});
+            put(columns_[0], sheet, x[point], y[point], top, z);
+            if (columns_[0].solids.empty()) return;
+            z = columns_[0].solids[0].top.z;
+        }
+        if (!(height[point] > z)) height[point] = z;
     }
 };
 

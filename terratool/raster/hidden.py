@@ -43,6 +43,9 @@ class HiddenCounts:
         )
 
 
+NOTHING_HIDDEN = HiddenCounts()
+
+
 @dataclass(frozen=True, slots=True)
 class UnseenStoreys:
     """Storeys that are the highest at no pixel.
@@ -127,7 +130,7 @@ class HiddenFinder:
         one = Window(row, column, 1, 1)
         return HiddenLoss(
             area=found.pixels * grid.resolution**2,
-            most=found.most,
+            most=max(1, found.most),
             clearance=gap if known else None,
             at=(float(grid.columns(one)[0]), float(grid.rows(one)[0])) if known else None,
             unseen=UnseenStoreys(len(unseen), first),

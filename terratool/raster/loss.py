@@ -17,7 +17,7 @@ from terratool.field.terrain import Terrain
 from terratool.field.walls import WallFinders
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
-from terratool.raster.hidden import HiddenCounts, HiddenFinder, HiddenLoss
+from terratool.raster.hidden import NOTHING_HIDDEN, HiddenCounts, HiddenFinder, HiddenLoss
 from terratool.raster.painter import Planes
 from terratool.report.numbers import metres
 from terratool.report.wording import count_of
@@ -369,7 +369,7 @@ class LossCounts:
     length: int = 0
     steepest: tuple[float, int] = (0.0, 0)
     highest: tuple[float, int] = (0.0, 0)
-    hidden: HiddenCounts = HiddenCounts()
+    hidden: HiddenCounts = NOTHING_HIDDEN
 
     def __add__(self, other: LossCounts) -> LossCounts:
         return LossCounts(

@@ -200,7 +200,7 @@ def _arrays_of(terrain: Terrain) -> list[Any]:
     """All arrays of a field, storeys apart."""
     arrays = terrain.arrays
     values: list[Any] = [*arrays, *arrays.curves, *(arrays.tracks if terrain.tracks else ())]
-    return values + [*(arrays.shared if terrain.is_shared else ())]
+    return [*values, *(arrays.shared if terrain.is_shared else ())]
 
 
 def _refuse_index(path: Path, journal: Journal, folder: Path, overwrite: bool) -> None:

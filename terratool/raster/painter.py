@@ -144,9 +144,10 @@ class Painter:
     def blank(self, window: Window) -> Planes:
         """Allocate planes for a window, uninitialised."""
         shape = (window.height, window.width)
-        planes: Any = (dtype and np.empty(shape, dtype) for dtype in self._dtypes)
-        columns = np.empty((self._bands, *shape), self._dtypes[0]) if self._bands else None
-        return Planes(*planes, columns)
+        planes: list[Any] = [dtype and np.empty(shape, dtype) for dtype in self._dtypes]
+        if self._bands:
+            planes.append(np.empty((self._bands, *shape), self._dtypes[0]))
+        return Planes(*planes)
 
     def paint(
         self, window: Window, planes: Planes | None = None, hidden: HiddenPixels | None = None
