@@ -39,10 +39,12 @@ template <class Visit> void visit_arguments(StoreyTable& t, Visit visit) {
 struct StoreyLattice {
     In frame;  // west, south, and cells per unit along x and y
     Matrix<const u64> cells;
+    // Of each cell the height that decks of one level have all over it; NaN where they may not.
+    Matrix<const double> levels;
 };
 
 template <class Visit> void visit_arguments(StoreyLattice& l, Visit visit) {
-    visit("frame[4]", l.frame), visit("cells[_,_]", l.cells);
+    visit("frame[4]", l.frame), visit("cells[r,c]", l.cells), visit("levels[r,c]", l.levels);
 }
 
 struct Storeys {
@@ -328,7 +330,15 @@ public:
             std::size_t count = 0;
             u64 all = 0;
             for (; n < x.size() && count < BATCH; ++n) {
-                u64 near = storeys_.near(x[n], y[n]);
+                i64 i = storeys_.column_near(x[n]), j = storeys_.row_near(y[n]);
+                u64 near = i < 0 || j < 0 ? 0 : storeys_.lattice.cells(j, i);
+                if (near && below.empty()) {
+                    double level = storeys_.lattice.levels(j, i);
+                    if (!isnan(level)) {
+                        if (!(height[n] > level)) height[n] = level;
+                        continue;
+                    }
+                }
                 if (near) points_[count] = n, near_[count++] = near, all |= near;
                 else if (!below.empty() && !(height[n] <= below[n])) height[n] = NaN;
             }
