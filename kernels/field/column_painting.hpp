@@ -39,6 +39,8 @@ struct Hidden {
 // Bands of columns: ground, clearance over it, number of tops, then top, bottom, top, bottom …
 constexpr i64 GROUND_BAND = 0, CLEARANCE_BAND = 1, COUNT_BAND = 2, FIRST_BAND = 3;
 
+// Faces so close to one another, as a share of their height, are left to the descents.
+constexpr double DOUBT = 1e-9;
 constexpr u64 STOREY_KEY = u64(3) << 61;
 
 // Canvas for the tops or other faces of sheets: elements in place of surfaces, and each edge may be
@@ -258,18 +260,31 @@ private:
         const StoreyTable& table = storeys_.table;
         Canvas<u32>&canvas = tops_.canvas, &faces = faces_.canvas;
         bool left = paint_tile(*sheet.tops, canvas, x, y, resolution, part);
-        bool has_faces = false, direct = direct_ && near.alone;
+        bool has_faces = false, direct = direct_ && near.alone, plain = false;
+        i64 top = -2;
+        i32 storey = -1;
+        Kind kind{};
         for (i64 r = part.south; r < part.north; ++r) {
             Span<const u32> numbers = canvas.surfaces.row(r, part.west, part.east);
             for (i64 c = part.west; c < part.east; ++c) {
-                i64 top = i64(numbers[c - part.west]) - 1;
-                i32 storey = top < 0 ? -1 : sheet.storeys[top];
+                if (i64 number = i64(numbers[c - part.west]) - 1; number != top) {
+                    top = number;
+                    storey = top < 0 ? -1 : sheet.storeys[top];
+                    kind = sheet.tops->kinds[sheet.tops->elements[max(top, i64(0))].kind];
+                    plain = storey >= 0 && !exact_ && !has_classes(kind) && !kind.is_void
+                        && sheet.numbers[top] == table.numbers[storey];
+                }
                 double z = canvas.heights(r, c);
                 if (storey < 0 && !(left && isnan(z))) continue;
-                const Kind& kind = sheet.tops->kinds[sheet.tops->elements[max(top, i64(0))].kind];
                 if (exact_ || isnan(z) || has_classes(kind)) {
                     pixel_at(ground, r, c).unsure = true;
                     continue;
+                }
+                if (plain && direct) {  // a gap that is NaN is not put
+                    double face = sheet.is_bore ? z + table.gaps[storey] : z - table.gaps[storey];
+                    i32 worn = kind.surface == sheet.bare ? -1 : i32(kind.surface);
+                    if (put_alone(ground, voids, sheet.is_bore, {z, 0, worn, storey}, face, r, c))
+                        continue;
                 }
                 double gap = table.gaps[storey], own = z;
                 if (isnan(gap) || sheet.numbers[top] != table.numbers[storey]) {
@@ -299,7 +314,6 @@ private:
                     sloped ? canvas.slope_x(r, c) : 0.0,
                     sloped ? canvas.slope_y(r, c) : 0.0
                 };
-                if (direct && put_alone(ground, voids, sheet.is_bore, met, r, c)) continue;
                 StoreyPixel& pixel = pixel_at(ground, r, c);
                 i64 at = count_of(met_);
                 met_.push_back(met);
@@ -310,21 +324,25 @@ private:
     }
 
     // Put the highest top of ground and one storey into a pixel; false where rounding might decide.
-    bool put_alone(
-        Canvas<Id>& canvas, Span<const bool> voids, bool is_bore, const MetStorey& met, i64 r, i64 c
+    INLINE bool put_alone(
+        Canvas<Id>& canvas, Span<const bool> voids, bool is_bore, const Face& top, double face,
+        i64 r, i64 c
     ) {
         double z = canvas.heights(r, c);
-        if (voids[canvas.surfaces(r, c)] || met.top == -INF || is_close(met.top, z)
-            || is_close(met.face, z) || is_close(met.top, met.face))
-            return false;
-        bool shown = is_bore ? met.top < z && z < met.face : met.top > z && met.top > met.face;
+        // also where there is no other face
+        bool clear = abs(top.z - z) > DOUBT * (1.0 + abs(z))
+            && abs(face - z) > DOUBT * (1.0 + abs(z))
+            && abs(top.z - face) > DOUBT * (1.0 + abs(face));
+        if (!clear || voids[canvas.surfaces(r, c)]) return false;
+        bool shown = is_bore ? top.z < z && z < face : top.z > z && top.z > face;
         if (!shown) return true;
-        canvas.heights(r, c) = met.top;
-        canvas.surfaces(r, c) = Id(met.surface + 1);
-        if (canvas.slope_x.exists())
-            canvas.slope_x(r, c) = met.slope_x, canvas.slope_y(r, c) = met.slope_y;
-        if (canvas.labels.exists())
-            canvas.labels(r, c) = met.label + hash32(STOREY_KEY + u64(met.storey));
+        canvas.heights(r, c) = top.z;
+        canvas.surfaces(r, c) = Id(top.surface + 1);
+        if (canvas.slope_x.exists()) {
+            canvas.slope_x(r, c) = tops_.canvas.slope_x(r, c);
+            canvas.slope_y(r, c) = tops_.canvas.slope_y(r, c);
+        }
+        if (canvas.labels.exists()) canvas.labels(r, c) = label_of(top, tops_.canvas.labels(r, c));
         return true;
     }
 
@@ -371,10 +389,7 @@ private:
     }
 
     // Whether two faces are so close that rounding might decide which is higher.
-    static bool is_close(double a, double b) {
-        constexpr double doubt = 1e-9;
-        return abs(a - b) <= doubt * (1.0 + abs(a));
-    }
+    static bool is_close(double a, double b) { return abs(a - b) <= DOUBT * (1.0 + abs(a)); }
 
     // The same of any two over a pixel.
     static bool is_close(const StoreyPixel& pixel, const std::vector<MetStorey>& met) {

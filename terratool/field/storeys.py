@@ -33,7 +33,7 @@ Ints = NDArray[np.int64]
 FIRST_STOREY = 3 << 61
 """Number of the first element of storeys; numbers of the ground and of tracks are smaller."""
 
-_CELLS_EACH = 64
+_CELLS_EACH = 256
 _MOST_CELLS = 1 << 20
 """Cells of the lattice for each storey, and most cells of all."""
 _LAST_BIT = 63

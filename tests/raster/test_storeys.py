@@ -63,6 +63,11 @@ def assert_columns(terrain: Terrain, grid: Grid) -> None:
     """Each band as the columns have it, rounded once; slopes also by their own rounding."""
     found, right = bands_of(terrain, grid), wanted(terrain, grid)
     assert set(found) == set(right)
+    alone, kept = (
+        Painter(terrain, grid, slopes=True, storeys=n).paint(grid.whole) for n in (0, COLUMN_BANDS)
+    )
+    for name in ("heights", "surfaces", "slope_x", "slope_y"):
+        np.testing.assert_array_equal(getattr(alone, name), getattr(kept, name), name)
     for name, band in found.items():
         if name.startswith("normal"):
             np.testing.assert_allclose(band, right[name], atol=2e-6, err_msg=name)
