@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from terratool.field.storeys import Sheet, StoreyLattice, Storeys
+    from terratool.field.storeys import StoreyLattice, Storeys, StoreySheet
     from terratool.field.terrain import Terrain
 
 _MARGIN = 1e-6
@@ -24,7 +24,7 @@ def level_cells(storeys: Storeys) -> NDArray[np.bool_]:
     that is not level.
     """
     cells = storeys.lattice.cells
-    found = cells != 0
+    found: NDArray[np.bool_] = cells != 0
     last = len(storeys.sheets) - 1
     for k, sheet in enumerate(storeys.sheets):
         if k == 63 and last > 63:  # the last bit stands for several
@@ -38,7 +38,7 @@ def level_cells(storeys: Storeys) -> NDArray[np.bool_]:
     return found
 
 
-def _is_level(sheet: Sheet, storeys: Storeys) -> bool:
+def _is_level(sheet: StoreySheet, storeys: Storeys) -> bool:
     """Whether a sheet has decks of a thickness, of level curves alone."""
     arrays = sheet.top.arrays
     own = sheet.storeys[sheet.storeys >= 0]

@@ -23,6 +23,7 @@ from terratool.definition.written import Written
 from terratool.field.compile import Compiled, compile_definition
 from terratool.field.storey_levels import level_cells
 from terratool.kernels import field as kernels
+from terratool.report.wording import decks_and_bores
 
 if TYPE_CHECKING:
     from terratool.field.terrain import Terrain
@@ -75,7 +76,7 @@ class StoreyLattice(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Sheet:
+class StoreySheet:
     """Storeys that share no point, all decks or all bores.
 
     Attributes:
@@ -151,7 +152,7 @@ class ColumnRows(NamedTuple):
         return rows
 
     def narrowed(self) -> ColumnRows:
-        """These rows with as many intervals as any point has, one at least."""
+        """Return the rows with as many intervals as any point has, one at least."""
         wide = max(1, int(self.held.max(initial=0)))
         return ColumnRows._make([self.held, *(one[:, :wide] for one in self.matrices)])
 
@@ -213,6 +214,7 @@ class Storeys:
         sheets: sheets in the order in which columns take them.
         decks: number of decks.
         bores: number of bores.
+        elements: number of elements of storeys.
         written: all elements of storeys, and those in whose cells they are.
         table: storeys by number.
         lattice: where which sheet has storeys.
@@ -238,6 +240,7 @@ class Storeys:
         definition = structs.replace(definition, tracks=UNSET)
         whole = plain(compile_definition(definition, written, roughness=False), definition)
         plan = _plan(written, own, whole)
+        self.elements = int(np.count_nonzero(plan.own >= 0))
         footprints = np.empty((4, len(written)))
         footprints[:, _order(whole)] = whole.footprints()
         number = np.full(len(written), -1, np.int32)
@@ -255,6 +258,9 @@ class Storeys:
         self.sheets = tuple(maker.make(members) for members in keyed)
         self.lattice = _lattice(footprints, keyed)
 
+    def __repr__(self) -> str:
+        return f"<Storeys: {decks_and_bores(self.decks, self.bores)}>"
+
     @cached_property
     def field(self) -> kernels.Storeys:
         """Sheets, table and lattice, checked and kept by the kernels."""
@@ -268,6 +274,12 @@ class Storeys:
         kernels.top_heights(field, x, y, None, heights)
         self.lattice.levels[level] = heights
         return field
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the compiled storeys in bytes."""
+        fields = sum(sheet.top.nbytes + sheet.face.nbytes for sheet in self.sheets)
+        return fields + self.lattice.cells.nbytes + self.lattice.levels.nbytes
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "field"}
@@ -471,7 +483,7 @@ class _SheetMaker:
         code = plan.written.names.number
         self._outside, self._bare, self._level = code(outside), code(bare), code(level)
 
-    def make(self, members: Ints) -> Sheet:
+    def make(self, members: Ints) -> StoreySheet:
         """Sheet of storeys, by their indices."""
         plan = self._plan
         written = plan.written
@@ -489,7 +501,7 @@ class _SheetMaker:
         bottom = kept & (~is_own | own_element)
         face, behind = self._compile(bottom, own_element, int(plan.datum[members[0]]), faces)
         storey = np.where(is_own, self._number[np.where(is_own, plan.own, 0)], -1)
-        return Sheet(
+        return StoreySheet(
             top, face, storey[index].astype(np.int32), FIRST_STOREY + index,
             np.where(own_element, storey, -1)[behind].astype(np.int32),
             len(self._definition.surfaces) - 1, not plan.is_deck[members[0]],

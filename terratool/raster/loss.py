@@ -11,7 +11,7 @@ from msgspec import UNSET, UnsetType
 from numpy.typing import DTypeLike, NDArray
 
 from terratool.field.bounds import finest_details, largest_heights
-from terratool.field.storeys import Sheet
+from terratool.field.storeys import StoreySheet
 from terratool.field.summary import spread_points
 from terratool.field.terrain import Terrain
 from terratool.field.walls import WallFinders
@@ -224,7 +224,7 @@ def subpixel_features(terrain: Terrain, grid: Grid) -> tuple[SubpixelFeatures, S
     return _features(terrain, narrow), _features(terrain, detailed)
 
 
-def _sheets(terrain: Terrain) -> tuple[Sheet, ...]:
+def _sheets(terrain: Terrain) -> tuple[StoreySheet, ...]:
     return () if terrain.storeys is None else terrain.storeys.sheets
 
 
