@@ -92,6 +92,7 @@ bench: $(VENV)/.installed-bench-$(VARIANTS)  ## Measure speed and memory, as rat
 	$(BIN)/python benchmarks/heights.py
 	$(BIN)/python benchmarks/casting.py
 	$(BIN)/python benchmarks/painting.py
+	$(BIN)/python benchmarks/storeys.py
 	$(BIN)/python benchmarks/exporting.py
 	$(BIN)/python benchmarks/compiling.py
 	$(BIN)/python benchmarks/validating.py

@@ -176,9 +176,8 @@ class UserTerrain(ShownTerrain):
             DefinitionError: the CRS of the terrain is unknown.
         """
         wanted = fill(DemOptions, options)
-        ground = self.ground_only()
-        choice = GridChoice.of(ground, wanted.resolution, wanted.bounds)
-        return dem_arrays(ground, choice, wanted)
+        choice = GridChoice.of(self, wanted.resolution, wanted.bounds)
+        return dem_arrays(self, choice, wanted)
 
     @takes(DemOptions)
     def write_dem(self, path: str | Path | None = None, **options: Any) -> AnyDemReport:
@@ -196,9 +195,8 @@ class UserTerrain(ShownTerrain):
         wanted = fill(DemOptions, options)
         refuse_idle_contours(options.keys(), wanted.layers)
         output = wanted.output_of(path)
-        ground = self.ground_only()
-        choice = GridChoice.of(ground, wanted.resolution, wanted.bounds)
-        return write_dem(ground, choice, output, wanted)
+        choice = GridChoice.of(self, wanted.resolution, wanted.bounds)
+        return write_dem(self, choice, output, wanted)
 
     @takes(MeshOptions, without=("origin", "normals"))
     def to_mesh(self, **options: Any) -> trimesh.Trimesh:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from terratool.definition.model import Bore, Definition, Primitive, Storey, Surface
 from terratool.definition.written import Written
 from terratool.field.compile import Compiled, compile_definition
+from terratool.field.storey_levels import level_cells
 from terratool.kernels import field as kernels
 from terratool.report.wording import decks_and_bores
 
@@ -33,7 +34,7 @@ Ints = NDArray[np.int64]
 FIRST_STOREY = 3 << 61
 """Number of the first element of storeys; numbers of the ground and of tracks are smaller."""
 
-_CELLS_EACH = 64
+_CELLS_EACH = 256
 _MOST_CELLS = 1 << 20
 """Cells of the lattice for each storey, and most cells of all."""
 _LAST_BIT = 63
@@ -65,10 +66,13 @@ class StoreyLattice(NamedTuple):
         frame: (4,) west, south, and cells per unit along x and y.
         cells: (rows, columns) uint64 from the south-west, a bit for each sheet that may have a
             storey there; the last bit stands for all further sheets.
+        levels: (rows, columns) height that decks of one level have all over a cell; NaN where they
+            may not.
     """
 
     frame: Floats
     cells: NDArray[np.uint64]
+    levels: Floats
 
 
 @dataclass(frozen=True)
@@ -260,13 +264,22 @@ class Storeys:
     @cached_property
     def field(self) -> kernels.Storeys:
         """Sheets, table and lattice, checked and kept by the kernels."""
-        return kernels.Storeys(self.sheets, self.table, self.lattice)
+        field = kernels.Storeys(self.sheets, self.table, self.lattice)
+        level = level_cells(self)
+        if not level.any():
+            return field
+        y, x = (at + 0.5 for at in np.nonzero(level))
+        frame, heights = self.lattice.frame, np.full(len(x), np.nan)
+        x, y = frame[0] + x / frame[2], frame[1] + y / frame[3]
+        kernels.top_heights(field, x, y, None, heights)
+        self.lattice.levels[level] = heights
+        return field
 
     @property
     def nbytes(self) -> int:
         """Memory of the compiled storeys in bytes."""
         fields = sum(sheet.top.nbytes + sheet.face.nbytes for sheet in self.sheets)
-        return fields + self.lattice.cells.nbytes
+        return fields + self.lattice.cells.nbytes + self.lattice.levels.nbytes
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "field"}
@@ -553,4 +566,4 @@ def _lattice(footprints: Floats, sheets: list[Ints]) -> StoreyLattice:
     masks = np.uint64(1) << np.minimum(bit, _LAST_BIT).astype(np.uint64)
     for (i, j), (i_last, j_last), mask in zip(first.tolist(), last.tolist(), masks, strict=True):
         out[j : j_last + 1, i : i_last + 1] |= mask
-    return StoreyLattice(np.concatenate([low, per]), out)
+    return StoreyLattice(np.concatenate([low, per]), out, np.full(out.shape, np.nan))

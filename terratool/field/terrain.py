@@ -387,6 +387,9 @@ class Terrain:
         """
         x, y, below, shape = _points_below(x, y, below)
         heights = batch_heights(self.arrays, self.field, x, y)
+        if self.storeys is not None and not self.tracks and not self.is_rough:
+            kernels.top_heights(self.storeys.field, x, y, below, heights)
+            return heights.reshape(shape)[()]
         if below is not None:
             heights[~(heights <= below)] = np.nan
         if self.storeys is not None and (near := self.storeys.near(x, y)).any():

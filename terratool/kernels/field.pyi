@@ -218,7 +218,12 @@ class Painter:
     """Paints windows of a field; each thread needs its own."""
 
     def __init__(
-        self, field: object, voids: object, slopes: bool, nonzero_edges: object | None
+        self,
+        field: object,
+        voids: object,
+        slopes: bool,
+        nonzero_edges: object | None,
+        storeys: object | None = None,
     ) -> None: ...
     @property
     def nbytes(self) -> int:
@@ -260,7 +265,9 @@ def footprint_holds(
 class WallFinder:
     """Looks for walls; each thread needs its own."""
 
-    def __init__(self, field: object, nonzero_edges: object) -> None: ...
+    def __init__(
+        self, field: object, nonzero_edges: object, storeys: object | None = None
+    ) -> None: ...
 
 def find_ruts(
     field: Field,
@@ -398,6 +405,19 @@ def near_storeys(
     Whether storeys may be at points.
 
     Shapes: x[n], y[n], out[n].
+    """
+
+def top_heights(
+    storeys: Storeys,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    below: NDArray[np.float64] | None,
+    height: NDArray[np.float64],
+) -> None:
+    """
+    Put the highest tops, or those not above some heights, in place of the bare ground.
+
+    Shapes: x[n], y[n], below[n], height[n].
     """
 
 def columns(
