@@ -137,7 +137,10 @@ def batch_heights(
     return out
 
 
-_CACHED = ("field", "written_out", "ray_index", "_document_order", "_bare")
+_CACHED = (
+    "field", "written_out", "ray_index", "storey_ray_index", "_document_order", "_bare",
+    "ground_alone",
+)  # fmt: skip
 """Attributes of a terrain that follow from the others."""
 
 
@@ -250,12 +253,7 @@ class Terrain:
         if not self.tracks and not self.is_rough:
             return self.ground_alone
         arrays = without_tracks(self.arrays)
-        arrays = arrays._replace(reliefs=arrays.reliefs[:0])
-        other = copy(self.ground_alone)
-        for name in _CACHED:
-            vars(other).pop(name, None)
-        other._compiled = self._compiled._replace(arrays=arrays)
-        return other
+        return self.ground_alone.with_arrays(arrays._replace(reliefs=arrays.reliefs[:0]))
 
     @property
     def arrays(self) -> FieldArrays:
@@ -273,13 +271,17 @@ class Terrain:
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state, _compiled=align_arrays(state["_compiled"]))
 
-    def with_curves(self, curves: CurveArrays) -> Terrain:
-        """Return this terrain with other curves, which its parts have if they are written out."""
+    def with_arrays(self, arrays: FieldArrays) -> Terrain:
+        """Return this terrain with other arrays of the field."""
         other = copy(self)
         for name in _CACHED:
             vars(other).pop(name, None)
-        other._compiled = self._compiled._replace(arrays=self.arrays._replace(curves=curves))
+        other._compiled = self._compiled._replace(arrays=arrays)
         return other
+
+    def with_curves(self, curves: CurveArrays) -> Terrain:
+        """Return this terrain with other curves, which its parts have if they are written out."""
+        return self.with_arrays(self.arrays._replace(curves=curves))
 
     @property
     def bounds(self) -> Bounds:
@@ -504,6 +506,13 @@ class Terrain:
         return ray_index(self)
 
     @cached_property
+    def storey_ray_index(self) -> kernels.StoreyRayIndex:
+        """Index for rays, of a terrain that has storeys."""
+        from terratool.field.rays import storey_ray_index
+
+        return storey_ray_index(self)
+
+    @cached_property
     def _document_order(self) -> NDArray[np.int64]:
         """Number in the document of each element of `written_out`, (n,) int64."""
         from terratool.field.rays import document_order
@@ -516,7 +525,8 @@ class Terrain:
         count = len(self._document_order)
         tracks = elements - count + self.first_track
         own = self._document_order[np.clip(elements, 0, count - 1)]
-        return np.where(elements < 0, elements, np.where(elements < count, own, tracks))
+        same = (elements < 0) | (elements >= FIRST_STOREY)
+        return np.where(same, elements, np.where(elements < count, own, tracks))
 
     def cast(
         self,
