@@ -35,18 +35,6 @@ public:
         return maker_.column.solids;
     }
 
-    // The rut in the top of an element at a point.
-    Rut rut(double x, double y, i64 surface, i64 element) {
-        i64 cell = cell_near(field_.tracks, x, y);
-        if (cell < 0) return {0.0, -1, -1, 0.0, 0.0};
-        begin(x, y);
-        const auto& solids = maker_.column.solids;
-        return chosen_rut_in(field_.tracks, cell, x, y, surface, [&](const Segment& segment) {
-            i64 k = top_under(solids, height_of_path(segment, x, y));
-            return k >= 0 && solids[k].top.element == element;
-        });
-    }
-
     // Slopes of the other face of a storey at a point, by the number of the storey's own element.
     Gradient face_slopes(double x, double y, i64 element) {
         const auto& numbers = storeys_.table.numbers;
@@ -88,32 +76,28 @@ private:
     }
 };
 
-// Of the ground under storeys: not all tracks lie on it.
-struct GroundRules {
-    static constexpr bool sees_voids = false;
-    ColumnReader* columns;
+// Of the ground under storeys, or of the tops or the other faces of a sheet. A deck is below its top
+// and above its underside; a bore is above its floor and below its ceiling. Where it is not there
+// its faces are endlessly far.
+struct StoreyRules {
+    const Sheet* sheet = nullptr;  // none for the ground
+    bool faces = false;
+    // which tracks count: those whose paths have no heights, and those whose paths have some
+    bool low = true, high = true;
 
-    Side side_in_void(i64) const { return NOWHERE; }
-    Rut rut(const Field&, double x, double y, i64 surface, i64 top) const {
-        return columns->rut(x, y, surface, top);
-    }
-};
-
-// Of the tops or the other faces of a sheet. A deck is below its top and above its underside; a
-// bore is above its floor and below its ceiling. Where it is not there its faces are endlessly far.
-struct SheetRules {
-    static constexpr bool sees_voids = true;
-    ColumnReader* columns;
-    const Sheet* sheet;
-    bool faces;
-
+    bool sees_voids() const { return sheet; }
     Side side_in_void(i64 top) const {
+        if (!sheet) return NOWHERE;
         if (faces) return sheet->is_bore ? ABOVE : BELOW;
         bool is_own = top >= 0 && sheet->storeys[top] >= 0;  // a hole
         return sheet->is_bore && !is_own ? BELOW : ABOVE;
     }
-    Rut rut(const Field&, double x, double y, i64 surface, i64 top) const {
-        return columns->rut(x, y, surface, top < 0 ? NO_ELEMENT : sheet->numbers[top]);
+    Rut rut(const Field& field, double x, double y, i64 surface) const {
+        i64 cell = cell_near(field.tracks, x, y);
+        if (cell < 0) return {0.0, -1, -1, 0.0, 0.0};
+        return chosen_rut_in(field.tracks, cell, x, y, surface, [&](const Segment& segment) {
+            return isnan(segment.z) ? low : high;
+        });
     }
 };
 
@@ -139,79 +123,97 @@ struct Candidate {
 // What a ray meets of one field, from place to place.
 class Stream {
 public:
-    static constexpr int GROUND = -1;
+    const Index& index;
+    std::size_t sheet;  // which has the field, but for the ground
+    StoreyRules rules;
+    Hit hit;             // what is met next, if it is `found`
+    double found = INF;  // its distance
 
-    double begin = 0.0, end = INF;  // the part of the ray in which there may be something
-    double found = INF;             // distance of what is met next
-    double searched = 0.0;          // no more is met up to there
+    Stream(const Index& of, std::size_t k, StoreyRules r)
+        : index(of), sheet(k), rules(r), caster_(of, r) {}
 
-    // Look for what comes next, up to a distance. cast(from, to) meets the field.
-    template <class Cast> void look(double to, Cast cast) {
-        if (found < INF || searched > to || begin > to || searched > end) return;
-        double from = max(searched, begin);
-        hit = cast(from, min(to, end));
+    // Begin with the part of a ray in which there may be something.
+    void start(const Ray& ray, double begin, double end) {
+        ray_ = &ray, searched_ = begin, end_ = begin <= end ? end : -INF;
+        found = INF, stuck_ = 1.0;
+    }
+
+    // Look for what comes next, up to a distance.
+    void look(double to) {
+        if (found < INF || searched_ > to || searched_ > end_) return;
+        hit = caster_.cast(*ray_, searched_, min(to, end_));
         found = hit.distance;
         // along a face a ray meets it everywhere
-        stuck_ = found <= from ? 2.0 * stuck_ : 1.0;
-        searched = to;
+        stuck_ = found <= searched_ ? 2.0 * stuck_ : 1.0;
+        searched_ = to;
     }
 
     // Go on behind what was met, by one `step` or, along a face, ever more.
-    void pass(double step) { searched = found + stuck_ * step, found = INF; }
-
-    Hit hit;
+    void pass(double step) { searched_ = found + stuck_ * step, found = INF; }
 
 private:
+    Caster<StoreyRules> caster_;
+    const Ray* ray_ = nullptr;
+    double searched_ = 0.0;  // no more is met up to there
+    double end_ = -INF;
     double stuck_ = 1.0;
 };
 
 // Casts rays on a terrain with storeys; each thread needs its own.
 class StoreyCaster {
 public:
-    explicit StoreyCaster(const StoreyIndex& all)
-        : all_(all), columns_(all), ground_(all.ground, GroundRules{&columns_}) {
-        In bounds = all.ground.field.bounds;
+    explicit StoreyCaster(const StoreyIndex& all) : all_(all), columns_(all) {
+        const Field& field = all.ground.field;
+        In bounds = field.bounds;
         extent_ = bounds[2] - bounds[0] + bounds[3] - bounds[1];
+        bool low = false, high = false;  // whether there are tracks on the ground, and on tops
+        for (const Segment& segment : field.tracks.segments)
+            (isnan(segment.z) ? low : high) = true;
+        put(all.ground, 0, {});
+        if (high) put(all.ground, 0, {.high = false});
         const auto& sheets = all.storeys.sheets;
-        for (std::size_t k = 0; k < sheets.size(); ++k)
-            sheets_.push_back(
-                std::make_unique<SheetCasters>(all, k, columns_, heights_of(sheets[k], k))
-            );
-        streams_.resize(1 + 2 * sheets.size());
+        for (std::size_t k = 0; k < sheets.size(); ++k) {
+            const Sheet* sheet = &sheets[k];
+            heights_.push_back(heights_of(*sheet, k));
+            put(*all.faces[k], k, {.sheet = sheet, .faces = true});
+            put(*all.tops[k], k, {.sheet = sheet});
+            if (low || high) put(*all.tops[k], k, {.sheet = sheet, .low = false, .high = false});
+            if (!low || !high) continue;
+            put(*all.tops[k], k, {.sheet = sheet, .high = false});
+            put(*all.tops[k], k, {.sheet = sheet, .low = false});
+        }
     }
 
     Hit cast(const Ray& ray, double most, i32& surface) {
         ray_ = &ray;
         if (ray.dx == 0.0 && ray.dy == 0.0 && columns_.has_storeys(ray.x, ray.y))
             return cast_upright(most, surface);
-        Hit hit = ground_.cast(ray, 0.0, most);
+        Stream& ground = *streams_[0];
+        ground.start(ray, 0.0, most);
+        ground.look(most);
         end_ = most;
-        bool may_meet = (ray.dx != 0.0 || ray.dy != 0.0) && find_spans(min(hit.distance, most));
-        if (may_meet && hit.distance < most) find_spans(most);
-        if (may_meet) return cast_slanted(hit, surface);
-        if (hit.distance < INF) surface = surface_of(all_.ground, hit);
-        return hit;
+        bool slants = ray.dx != 0.0 || ray.dy != 0.0;
+        if (slants && find_spans(min(ground.found, most))) {
+            if (ground.found < most) find_spans(most);
+            return cast_slanted(surface);
+        }
+        if (ground.found < INF) surface = surface_of(all_.ground, ground.hit);
+        return ground.hit;
     }
 
 private:
-    struct SheetCasters {
-        Caster<SheetRules> tops, faces;
-        Range height;
-
-        SheetCasters(const StoreyIndex& all, std::size_t k, ColumnReader& columns, Range between)
-            : tops(*all.tops[k], {&columns, &all.storeys.sheets[k], false}),
-              faces(*all.faces[k], {&columns, &all.storeys.sheets[k], true}), height(between) {}
-    };
-
     const StoreyIndex& all_;
     ColumnReader columns_;
-    Caster<GroundRules> ground_;
-    std::vector<std::unique_ptr<SheetCasters>> sheets_;
-    std::vector<Stream> streams_;  // of the ground; and of tops and faces of each sheet
+    std::vector<std::unique_ptr<Stream>> streams_;  // the ground first
+    std::vector<Range> heights_;                    // of the storeys of each sheet
     std::vector<Candidate> near_;  // that rounding may tell apart, or a little more
     std::array<Range, 64> spans_;  // of the ray, by the bits of the lattice
     const Ray* ray_ = nullptr;
     double extent_, end_, width_ = 0.0;  // width of what is looked at together
+
+    void put(const Index& index, std::size_t sheet, StoreyRules rules) {
+        streams_.push_back(std::make_unique<Stream>(index, sheet, rules));
+    }
 
     // Between which heights the storeys of a sheet lie.
     Range heights_of(const Sheet& sheet, std::size_t k) const {
@@ -307,62 +309,47 @@ private:
     }
 
     // Begin with the part of the ray that may meet each field.
-    void begin_streams() {
+    void start_streams() {
         const Ray& ray = *ray_;
-        for (std::size_t k = 0; k < sheets_.size(); ++k) {
-            Range span = spans_[min(k, std::size_t(63))];
-            Range height = sheets_[k]->height;
-            double more = 1e-9 * (extent_ + abs(ray.z)) + 2.0 * width_;
-            double begin = max(0.0, span.low - more), end = min(end_, span.high + more);
-            if (ray.dz == 0.0) {
-                bool within = height.low - more <= ray.z && ray.z <= height.high + more;
-                if (!within) end = -INF;
-            } else {
-                double one = (height.low - more - ray.z) / ray.dz;
-                double other = (height.high + more - ray.z) / ray.dz;
-                begin = max(begin, min(one, other)), end = min(end, max(one, other));
+        for (auto& stream : streams_) {
+            double begin = 0.0, end = end_;
+            if (stream->rules.sheet) {
+                Range span = spans_[min(stream->sheet, std::size_t(63))];
+                Range height = heights_[stream->sheet];
+                double more = 1e-9 * (extent_ + abs(ray.z)) + 2.0 * width_;
+                begin = max(0.0, span.low - more), end = min(end_, span.high + more);
+                if (ray.dz != 0.0) {
+                    double one = (height.low - more - ray.z) / ray.dz;
+                    double other = (height.high + more - ray.z) / ray.dz;
+                    begin = max(begin, min(one, other)), end = min(end, max(one, other));
+                } else if (ray.z < height.low - more || ray.z > height.high + more) {
+                    end = -INF;
+                }
+            } else if (stream == streams_[0]) {
+                continue;
             }
-            for (std::size_t s : {1 + 2 * k, 2 + 2 * k}) {
-                streams_[s] = {};
-                streams_[s].begin = begin, streams_[s].end = begin <= end ? end : -INF;
-            }
+            stream->start(ray, begin, end);
         }
-        streams_[0] = {};
-        streams_[0].end = end_;
-    }
-
-    Hit cast_stream(std::size_t s, double from, double to) {
-        if (s == 0) return ground_.cast(*ray_, from, to);
-        SheetCasters& sheet = *sheets_[(s - 1) / 2];
-        return s % 2 ? sheet.tops.cast(*ray_, from, to) : sheet.faces.cast(*ray_, from, to);
-    }
-
-    void look(std::size_t s, double to) {
-        streams_[s].look(to, [&](double from, double until) { return cast_stream(s, from, until); });
     }
 
     // What was met in a field.
-    Candidate candidate(std::size_t s) const {
-        Candidate made{streams_[s].hit, UNKNOWN, -1, false};
-        const Hit& hit = made.hit;
-        if (s == 0) {
-            made.element = hit.top, made.surface = surface_of(all_.ground, hit);
-            return made;
-        }
-        std::size_t k = (s - 1) / 2;
-        const Sheet& sheet = all_.storeys.sheets[k];
-        made.is_face = s % 2 == 0;
-        if (hit.top < 0) return made;
-        if (made.is_face) {
-            i32 storey = sheet.faced[hit.top];
+    Candidate candidate(const Stream& stream) const {
+        const auto& [sheet, is_face, low, high] = stream.rules;
+        const Hit& hit = stream.hit;
+        Candidate made{hit, UNKNOWN, -1, is_face};
+        if (hit.top < 0 && sheet) return made;
+        if (is_face) {
+            i32 storey = sheet->faced[hit.top];
             if (storey < 0) return made;
             made.element = all_.storeys.table.numbers[storey];
             made.surface = all_.storeys.table.surface[storey];
             return made;
         }
-        i64 track = hit.top - count_of(sheet.tops->elements);
-        made.element = track < 0 ? sheet.numbers[hit.top] : columns_.first_track() + track;
-        made.surface = surface_of(*all_.tops[k], hit);
+        i64 track = hit.top - count_of(stream.index.field.elements);
+        made.element = track >= 0 ? columns_.first_track() + track
+            : sheet               ? sheet->numbers[hit.top]
+                                  : hit.top;
+        made.surface = surface_of(stream.index, hit);
         return made;
     }
 
@@ -381,7 +368,7 @@ private:
     }
 
     // From boundary to boundary that may be, until one is.
-    Hit cast_slanted(const Hit& ground, i32& surface) {
+    Hit cast_slanted(i32& surface) {
         const Ray& ray = *ray_;
         In bounds = all_.ground.field.bounds;
         double enters = 0.0;
@@ -394,23 +381,21 @@ private:
         double scale = abs(ray.x) + abs(ray.y) + abs(ray.z) + min(end_, 1e12);
         width_ = 1e-8 * extent_ + 1e-11 * scale;
         const double step = 1e-3 * width_;
-        begin_streams();
-        streams_[0].hit = ground, streams_[0].found = ground.distance, streams_[0].searched = end_;
+        start_streams();
         double last = enters;  // what is up to there is known
         Matter known = AIR;
         bool is_known = false;
         while (true) {
             double nearest = end_;
             bool some = false;
-            for (std::size_t s = 0; s < streams_.size(); ++s) {
-                look(s, nearest);
-                if (streams_[s].found <= nearest) nearest = streams_[s].found, some = true;
+            for (auto& stream : streams_) {
+                stream->look(nearest);
+                if (stream->found <= nearest) nearest = stream->found, some = true;
             }
             if (!some) return {};
             collect(nearest + width_, step);
             const Candidate& first = near_.front();
-            bool alone = near_.size() == 1 && streams_[0].searched > first.hit.distance;
-            if (alone && !columns_.has_storeys(first.hit.x, first.hit.y)) {
+            if (near_.size() == 1 && !columns_.has_storeys(first.hit.x, first.hit.y)) {
                 surface = first.surface;
                 return first.hit;
             }
@@ -445,13 +430,11 @@ private:
     void collect(double to, double step) {
         near_.clear();
         to = min(to, end_);
-        for (std::size_t s = 0; s < streams_.size(); ++s) {
-            Stream& stream = streams_[s];
-            for (look(s, to); stream.found <= to; look(s, to)) {
-                near_.push_back(candidate(s));
-                stream.pass(step);
+        for (auto& stream : streams_)
+            for (stream->look(to); stream->found <= to; stream->look(to)) {
+                near_.push_back(candidate(*stream));
+                stream->pass(step);
             }
-        }
         std::stable_sort(near_.begin(), near_.end(), [](const Candidate& a, const Candidate& b) {
             return a.hit.distance < b.hit.distance;
         });

@@ -40,10 +40,11 @@ constexpr i64 UNKNOWN = -3, UNSURE = -4, ENDLESS = -5;
 // What the ground is where nothing stands over it: a ray in the void is on no side of it, and all
 // tracks lie on it.
 struct PlainRules {
-    static constexpr bool sees_voids = false;  // whether rays are on a side of voids
+    // Whether rays are on a side of voids, and on which, by the top element there.
+    static constexpr bool sees_voids() { return false; }
+    static constexpr Side side_in_void(i64) { return NOWHERE; }
 
-    Side side_in_void(i64) const { return NOWHERE; }
-    INLINE Rut rut(const Field& field, double x, double y, i64 surface, i64) const {
+    INLINE Rut rut(const Field& field, double x, double y, i64 surface) const {
         return rut_at(field.tracks, x, y, surface);
     }
 };
@@ -78,7 +79,8 @@ public:
         scale_ = abs(ray.x) + abs(ray.y) + abs(ray.z) + end;
         bool parallel = ray.dx == 0.0 || ray.dy == 0.0;
         if (parallel) walk<true, true>(begin, end);
-        else walk<false, Rules::sees_voids>(begin, end);
+        else if (rules_.sees_voids()) walk<false, true>(begin, end);
+        else walk<false, false>(begin, end);
         if (hit_.distance == AGAIN) {
             start();
             walk<false, true>(begin, end);
@@ -187,7 +189,7 @@ private:
                 if (passed) pass(side, passed), passed = 0;
                 const Leaf& leaf = index_.leaves[next & PLACE];
                 const Visit visit{begin, end, quarter, from, to};
-                if (leaf.slab == VOID && !Rules::sees_voids) side_ = NOWHERE;
+                if (leaf.slab == VOID && !rules_.sees_voids()) side_ = NOWHERE;
                 else if (leaf.slab == LEVEL && meets_level(leaf, visit)) return;
                 else if (leaf.slab < MIXED ? cross_slab(leaf, visit) : cross_leaf(leaf, visit))
                     return;
@@ -413,7 +415,7 @@ private:
         if (leaf.segments || has_reliefs(field_)) {
             i64 surface = worn.surface;
             if (leaf.segments) {
-                Rut rut = rules_.rut(field_, x, y, surface, ground.top);
+                Rut rut = rules_.rut(field_, x, y, surface);
                 ground.depth = rut.depth;
                 if (rut.surface_track >= 0) {
                     surface = field_.tracks.surface[rut.surface_track];
@@ -464,7 +466,7 @@ private:
             return true;
         }
         side_ = side;
-        if constexpr (Rules::sees_voids) above_ = NaN, top_ = ENDLESS, past_ = NaN;
+        if (rules_.sees_voids()) above_ = NaN, top_ = ENDLESS, past_ = NaN;
         return false;
     }
 

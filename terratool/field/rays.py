@@ -198,7 +198,7 @@ def cast(
             share(begin)
     if written_out is not terrain:
         found.element[:] = terrain.numbers_of(found.element)
-    return RayHits(*(one.reshape(*shape, *one.shape[1:]) for one in members))
+    return RayHits(*(one.reshape((*shape, *one.shape[1:])) for one in members))
 
 
 def _caster(terrain: TerrainField) -> Callable[[_Rays, RayHits], int]:
