@@ -76,9 +76,9 @@ private:
     }
 };
 
-// Of the ground under storeys, or of the tops or the other faces of a sheet. A deck is below its top
-// and above its underside; a bore is above its floor and below its ceiling. Where it is not there
-// its faces are endlessly far.
+// Of the ground under storeys, or of the tops or the other faces of a sheet. A deck is below its
+// top and above its underside; a bore is above its floor and below its ceiling. Where it is not
+// there its faces are endlessly far.
 struct StoreyRules {
     const Sheet* sheet = nullptr;  // none for the ground
     bool faces = false;
@@ -115,9 +115,10 @@ INLINE bool is_boundary(Matter a, Matter b) {
 // A place that may be a boundary.
 struct Candidate {
     Hit hit;
-    i64 element;   // number of the element that it is of, or `UNKNOWN`
+    i64 element;  // number of the element that it is of, or `UNKNOWN`
     i32 surface;
-    bool is_face;  // rather than a top
+    bool is_face;   // rather than a top
+    bool is_plain;  // of the ground with all tracks
 };
 
 // What a ray meets of one field, from place to place.
@@ -167,8 +168,7 @@ public:
         In bounds = field.bounds;
         extent_ = bounds[2] - bounds[0] + bounds[3] - bounds[1];
         bool low = false, high = false;  // whether there are tracks on the ground, and on tops
-        for (const Segment& segment : field.tracks.segments)
-            (isnan(segment.z) ? low : high) = true;
+        for (const Segment& segment : field.tracks.segments) (isnan(segment.z) ? low : high) = true;
         put(all.ground, 0, {});
         if (high) put(all.ground, 0, {.high = false});
         const auto& sheets = all.storeys.sheets;
@@ -283,8 +283,7 @@ private:
         spans_.fill({INF, -INF});
         std::array<i64, 2> cell;
         for (int axis : {X, Y})
-            cell[axis] =
-                i64(clamp(from[axis] + way[axis] * begin, 0.0, double(count[axis]) - 1.0));
+            cell[axis] = i64(clamp(from[axis] + way[axis] * begin, 0.0, double(count[axis]) - 1.0));
         u64 all = 0;
         double at = begin;
         while (true) {
@@ -336,7 +335,7 @@ private:
     Candidate candidate(const Stream& stream) const {
         const auto& [sheet, is_face, low, high] = stream.rules;
         const Hit& hit = stream.hit;
-        Candidate made{hit, UNKNOWN, -1, is_face};
+        Candidate made{hit, UNKNOWN, -1, is_face, !sheet && low && high};
         if (hit.top < 0 && sheet) return made;
         if (is_face) {
             i32 storey = sheet->faced[hit.top];
@@ -395,7 +394,8 @@ private:
             if (!some) return {};
             collect(nearest + width_, step);
             const Candidate& first = near_.front();
-            if (near_.size() == 1 && !columns_.has_storeys(first.hit.x, first.hit.y)) {
+            if (near_.size() == 1 && first.is_plain
+                && !columns_.has_storeys(first.hit.x, first.hit.y)) {
                 surface = first.surface;
                 return first.hit;
             }
@@ -449,8 +449,8 @@ private:
         return false;
     }
 
-    // Of the first candidates, which lie at one place, the hit. `inside` is a place in what is solid
-    // there.
+    // Of the first candidates, which lie at one place, the hit. `inside` is a place in what is
+    // solid there.
     Hit chosen(std::size_t count, double inside, i32& surface) {
         Candidate* made = &near_[0];
         Hit hit = made->hit;
