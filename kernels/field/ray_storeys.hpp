@@ -84,13 +84,15 @@ struct StoreyRules {
     bool faces = false;
     // which tracks count: those whose paths have no heights, and those whose paths have some
     bool low = true, high = true;
+    // whether there is nothing beside a bore, whose rough floor may be above the ground there
+    bool bare = false;
 
     bool sees_voids() const { return sheet; }
     Side side_in_void(i64 top) const {
         if (!sheet) return NOWHERE;
         if (faces) return sheet->is_bore ? ABOVE : BELOW;
         bool is_own = top >= 0 && sheet->storeys[top] >= 0;  // a hole
-        return sheet->is_bore && !is_own ? BELOW : ABOVE;
+        return sheet->is_bore && !is_own && !bare ? BELOW : ABOVE;
     }
     Rut rut(const Field& field, double x, double y, i64 surface) const {
         i64 cell = cell_near(field.tracks, x, y);
@@ -169,18 +171,21 @@ public:
         extent_ = bounds[2] - bounds[0] + bounds[3] - bounds[1];
         bool low = false, high = false;  // whether there are tracks on the ground, and on tops
         for (const Segment& segment : field.tracks.segments) (isnan(segment.z) ? low : high) = true;
-        put(all.ground, 0, {});
-        if (high) put(all.ground, 0, {.high = false});
-        const auto& sheets = all.storeys.sheets;
-        for (std::size_t k = 0; k < sheets.size(); ++k) {
-            const Sheet* sheet = &sheets[k];
+        // with all tracks first; which ones lie on a top is not the same all over it
+        std::vector<StoreyRules> counts(1);
+        if (low || high) counts.push_back({.low = false, .high = false});
+        if (low && high) counts.push_back({.high = false}), counts.push_back({.low = false});
+        for (StoreyRules rules : counts) put(all.ground, 0, rules);
+        for (std::size_t k = 0; k < all.storeys.sheets.size(); ++k) {
+            const Sheet* sheet = &all.storeys.sheets[k];
             heights_.push_back(heights_of(*sheet, k));
             put(*all.faces[k], k, {.sheet = sheet, .faces = true});
-            put(*all.tops[k], k, {.sheet = sheet});
-            if (low || high) put(*all.tops[k], k, {.sheet = sheet, .low = false, .high = false});
-            if (!low || !high) continue;
-            put(*all.tops[k], k, {.sheet = sheet, .high = false});
-            put(*all.tops[k], k, {.sheet = sheet, .low = false});
+            for (StoreyRules rules : counts) {
+                rules.sheet = sheet;
+                put(*all.tops[k], k, rules);
+                rules.bare = true;
+                if (sheet->is_bore && has_reliefs(field)) put(*all.tops[k], k, rules);
+            }
         }
     }
 
@@ -219,13 +224,14 @@ private:
     Range heights_of(const Sheet& sheet, std::size_t k) const {
         Range tops = all_.tops[k]->height, faces = all_.faces[k]->height;
         if (!sheet.is_bore) return {faces.low, tops.high};
-        const Field& field = *sheet.tops;
+        const Field& field = all_.tops[k]->field;
         for (std::size_t n = 0; n < sheet.storeys.size(); ++n) {
             const Kind& kind = field.kinds[field.elements[n].kind];
             bool may_be_void = kind.is_void || has_classes(kind) || kind.combine == GRID;
             if (sheet.storeys[n] >= 0 && may_be_void) tops.low = -INF;
         }
-        return {tops.low, faces.high};
+        // what is rough may be above the ceiling
+        return {tops.low, has_reliefs(field) ? max(tops.high, faces.high) : faces.high};
     }
 
     double x_at(double r) const { return ray_->x + ray_->dx * r; }
@@ -333,7 +339,7 @@ private:
 
     // What was met in a field.
     Candidate candidate(const Stream& stream) const {
-        const auto& [sheet, is_face, low, high] = stream.rules;
+        const auto& [sheet, is_face, low, high, bare] = stream.rules;
         const Hit& hit = stream.hit;
         Candidate made{hit, UNKNOWN, -1, is_face, !sheet && low && high};
         if (hit.top < 0 && sheet) return made;
@@ -381,9 +387,12 @@ private:
         width_ = 1e-8 * extent_ + 1e-11 * scale;
         const double step = 1e-3 * width_;
         start_streams();
-        double last = enters;  // what is up to there is known
-        Matter known = AIR;
-        bool is_known = false;
+        // boundaries that no field has: where the relief or the rut of a top ends at another top
+        const Field& field = all_.ground.field;
+        const bool leaps = has_reliefs(field) || has_tracks(field);
+        double last = enters;  // what is there is known
+        bool is_known = leaps && !begins_on_boundary();
+        Matter known = is_known ? matter(enters) : AIR;
         while (true) {
             double nearest = end_;
             bool some = false;
@@ -391,7 +400,10 @@ private:
                 stream->look(nearest);
                 if (stream->found <= nearest) nearest = stream->found, some = true;
             }
-            if (!some) return {};
+            if (!some) {
+                bool differs = is_known && leaps && is_boundary(known, matter(end_));
+                return differs ? halve(last, end_, known, surface) : Hit{};
+            }
             collect(nearest + width_, step);
             const Candidate& first = near_.front();
             if (near_.size() == 1 && first.is_plain
@@ -403,7 +415,6 @@ private:
             double before = max(nearest - 0.5 * width_, 0.5 * (last + nearest));
             Matter from = matter(before);
             if (is_known && is_boundary(known, from)) {
-                // a boundary that no field has, such as where the relief of a top ends at another
                 Hit hit = halve(last, before, known, surface);
                 if (hit.distance < INF) return hit;
             }
