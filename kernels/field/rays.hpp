@@ -74,7 +74,8 @@ public:
         per_x_ = 1.0 / ray.dx, per_y_ = 1.0 / ray.dy;
         if (!clip(ray.x, per_x_, bounds[0], bounds[2], begin, end)) return hit_;
         if (!clip(ray.y, per_y_, bounds[1], bounds[3], begin, end)) return hit_;
-        if (!clip(ray.z, 1.0 / ray.dz, low, high, begin, end)) return hit_;
+        // walls beside endless voids have no end
+        if (!rules_.sees_voids() && !clip(ray.z, 1.0 / ray.dz, low, high, begin, end)) return hit_;
         leaves_ = end < reach;
         scale_ = abs(ray.x) + abs(ray.y) + abs(ray.z) + end;
         bool parallel = ray.dx == 0.0 || ray.dy == 0.0;

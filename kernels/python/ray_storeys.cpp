@@ -12,7 +12,7 @@ namespace {
 // Storeys and the indices of all that rays may meet, which it keeps.
 class KeptStoreyIndex {
 public:
-    KeptStoreyIndex(nb::handle storeys, nb::handle ground, const nb::list& sheets)
+    KeptStoreyIndex(nb::handle storeys, nb::handle ground, nb::handle sheets)
         : kept_(nb::make_tuple(storeys, ground, sheets)),
           index_{known<Storeys>(storeys), known<rays::Index>(ground), {}, {}} {
         for (nb::handle sheet : sheets) {
@@ -53,9 +53,7 @@ template <> struct Argument<rays::StoreyIndex> : KnownArgument<KeptStoreyIndex> 
 
 void bind_ray_storeys(nb::module_ m) {
     nb::class_<KeptStoreyIndex>(m, "StoreyRayIndex", "Indices of storeys and ground, for rays.")
-        .def(
-            nb::init<nb::handle, nb::handle, const nb::list&>(), "storeys"_a, "ground"_a, "sheets"_a
-        );
+        .def(nb::init<nb::handle, nb::handle, nb::handle>(), "storeys"_a, "ground"_a, "sheets"_a);
     def<&rays::cast_storeys>(
         m, "cast_storeys", "As `cast`, where there are storeys.", {"index", "rays", "hits"}
     );
