@@ -528,6 +528,15 @@ class Terrain:
         same = (elements < 0) | (elements >= FIRST_STOREY)
         return np.where(same, elements, np.where(elements < count, own, tracks))
 
+    def short_numbers(self, elements: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Numbers that fit files, which `pointer` takes, too: storeys' follow those of tracks."""
+        is_storey = elements >= FIRST_STOREY
+        return np.where(is_storey, elements - FIRST_STOREY + self._first_short, elements)
+
+    @property
+    def _first_short(self) -> int:
+        return self.first_track + self.tracks
+
     def cast(
         self,
         origins: ArrayLike,
@@ -718,9 +727,12 @@ class Terrain:
         """
         if element < 0:
             return None
-        if element >= FIRST_STOREY:
-            assert self.storeys is not None
-            return self.storeys.pointer(element)
+        if self.storeys is not None:
+            short = element - self._first_short
+            if 0 <= short < len(self.storeys.written) and self.first_track < FARTHEST:
+                element = FIRST_STOREY + short
+            if element >= FIRST_STOREY:
+                return self.storeys.pointer(element)
         if self._is_track(element):
             return f"/tracks/{element - self.first_track}"
         if self._tally is not None:
