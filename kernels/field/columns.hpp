@@ -17,6 +17,7 @@ struct Sheet {
     Span<const i32> storeys;  // of each element of `tops`
     Span<const i64> numbers;  // of each element of `tops`, among all of the terrain
     Span<const i32> faced;    // storey of each element of `faces`
+    i64 bare;                 // surface in `tops` that stands for none
     bool is_bore;
 };
 
@@ -198,9 +199,8 @@ private:
         double other = isnan(gap) ? own : sheet.is_bore ? own + gap : own - gap;
         Worn worn = worn_of(*sheet.tops, found);
         bool is_void = worn.is_void || isnan(found.z);
-        Face top{
-            is_void ? -INF : found.z, element, i32(worn.surface), found.slope_x, found.slope_y
-        };
+        i32 surface = worn.surface == sheet.bare ? -1 : i32(worn.surface);
+        Face top{is_void ? -INF : found.z, element, surface, found.slope_x, found.slope_y};
         Face face{other, table.numbers[storey], table.surface[storey]};
         if (sheet.is_bore) column.take(top, face);
         else if (!is_void) column.add({face, top});

@@ -355,6 +355,7 @@ private:
             : sheet               ? sheet->numbers[hit.top]
                                   : hit.top;
         made.surface = surface_of(stream.index, hit);
+        if (sheet && made.surface == sheet->bare) made.surface = -1;
         return made;
     }
 

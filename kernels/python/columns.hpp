@@ -29,16 +29,25 @@ struct KeptSheet {
     Kept<Field> tops, faces;
     Kept<Span<const i32>> storeys, faced;
     Kept<Span<const i64>> numbers;
+    i64 bare;
     bool is_bore;
 
     explicit KeptSheet(nb::handle sheet)
         : tops(sheet, "tops", STOREYS), faces(sheet, "faces", STOREYS),
           storeys(sheet, "storeys[_]", STOREYS), faced(sheet, "faced[_]", STOREYS),
-          numbers(sheet, "numbers[_]", STOREYS), is_bore(nb::cast<bool>(sheet.attr("is_bore"))) {}
+          numbers(sheet, "numbers[_]", STOREYS), bare(nb::cast<i64>(sheet.attr("bare"))),
+          is_bore(nb::cast<bool>(sheet.attr("is_bore"))) {}
 
     Sheet sheet() {
-        return {&tops.argument().get(),   &faces.argument().get(), storeys.argument().get(),
-                numbers.argument().get(), faced.argument().get(),  is_bore};
+        return {
+            &tops.argument().get(),
+            &faces.argument().get(),
+            storeys.argument().get(),
+            numbers.argument().get(),
+            faced.argument().get(),
+            bare,
+            is_bore
+        };
     }
 };
 

@@ -79,6 +79,7 @@ class Sheet:
         storeys: (n,) int32, number of the storey of each element of `top`; -1 for none.
         numbers: (n,) int64, number of each element of `top`, from `FIRST_STOREY` on.
         faced: (m,) int32, number of the storey of each element of `face`; -1 for none.
+        bare: index of the surface of `top` that stands for none.
         is_bore: whether they are bores.
     """
 
@@ -87,6 +88,7 @@ class Sheet:
     storeys: NDArray[np.int32]
     numbers: Ints
     faced: NDArray[np.int32]
+    bare: int
     is_bore: bool
 
     @property
@@ -151,7 +153,7 @@ class ColumnRows(NamedTuple):
         return rows
 
     def narrowed(self) -> ColumnRows:
-        """These rows with as many intervals as any point has, one at least."""
+        """Return the rows with as many intervals as any point has, one at least."""
         wide = max(1, int(self.held.max(initial=0)))
         return ColumnRows._make([self.held, *(one[:, :wide] for one in self.matrices)])
 
@@ -476,7 +478,7 @@ class _SheetMaker:
         return Sheet(
             top, face, storey[index].astype(np.int32), FIRST_STOREY + index,
             np.where(own_element, storey, -1)[behind].astype(np.int32),
-            not plan.is_deck[members[0]],
+            len(self._definition.surfaces) - 1, not plan.is_deck[members[0]],
         )  # fmt: skip
 
     def _compile(

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.definition.crs import refuse_degrees
 from terratool.definition.expand import (
-    MAX_ELEMENTS,
     Expansion,
     expand,
     with_names,
@@ -25,7 +24,7 @@ from terratool.definition.findings import Bounds
 from terratool.definition.model import Definition
 from terratool.definition.reader import Checked, load_checked, refusal, uses_of
 from terratool.definition.sharing import blueprint
-from terratool.definition.uses import Uses
+from terratool.definition.uses import MAX_ELEMENTS, Uses
 from terratool.definition.written import write_out
 from terratool.errors import RequestError
 from terratool.field.compile import Compiled, compile_definition
@@ -181,8 +180,9 @@ class Terrain:
         self._far: dict[int, int] = {}
         storeys, worn, shapes = None, set[Any](), set[Any]()
         if uses.has_storeys:
-            storeys = write_out(uses, with_names(uses), "storeys")
-            worn, shapes = storeys.worn, storeys.shapes
+            written = write_out(uses, with_names(uses), "storeys")
+            if written.storeys():  # copies may find no place
+                storeys, worn, shapes = written, written.worn, written.shapes
         if uses.is_composed and uses.elements > share_above:
             self._source = definition
             plan = blueprint(uses, worn, shapes)
