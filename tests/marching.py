@@ -15,8 +15,8 @@ from terratool.field.storeys import FIRST_STOREY
 from terratool.field.terrain import Terrain
 
 Floats = NDArray[np.float64]
-AIR, OVER_VOID, ROOTED, SOLID = range(4)
-"""Nothing, over ground or over a void; what is solid from below all; and what else is solid."""
+AIR, OVER_VOID, GROUND, SOLID = range(4)
+"""Nothing, over ground or over a void; the ground; and what else is solid."""
 _POINTS = 1 << 20
 """Most points that are looked at together."""
 _BESIDE = 10.0 ** np.arange(-9, -3)
@@ -44,18 +44,17 @@ def matter(terrain: Terrain, points: Floats) -> NDArray[np.int64]:
     column = terrain.column(x, y)
     within = (column.bottom <= z[..., None]) & (z[..., None] <= column.top)
     place = within.argmax(-1)[..., None]
-    low = np.take_along_axis(column.bottom, place, -1)[..., 0]
     top = np.take_along_axis(column.element, place, -1)[..., 0]
     ground = terrain.ground_alone.height(x, y)
-    rooted = np.isneginf(low) & ((z <= ground) | (top < FIRST_STOREY))
+    rooted = (z <= ground) | (top < FIRST_STOREY)
     air = np.where(np.isneginf(column.bottom[..., 0]), AIR, OVER_VOID)
-    return np.where(within.any(-1), np.where(rooted, ROOTED, SOLID), air)
+    return np.where(within.any(-1), np.where(rooted, GROUND, SOLID), air)
 
 
 def is_boundary(one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Whether there is a boundary of what is solid between two kinds of matter."""
-    rim = (one == ROOTED) & (other == OVER_VOID) | (one == OVER_VOID) & (other == ROOTED)
-    return ((one >= ROOTED) != (other >= ROOTED)) & ~rim
+    rim = (one == GROUND) & (other == OVER_VOID) | (one == OVER_VOID) & (other == GROUND)
+    return ((one >= GROUND) != (other >= GROUND)) & ~rim
 
 
 def march(terrain: Terrain, origins: Floats, ways: Floats, steps: int) -> Marched:

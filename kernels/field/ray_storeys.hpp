@@ -103,14 +103,17 @@ struct StoreyRules {
     }
 };
 
-// What is at a place: nothing, over ground or over a void; what is solid from below all, or else.
-enum Matter : u8 { AIR, OVER_VOID, ROOTED, SOLID };
+// Numbers of elements of storeys begin here, as in Python.
+constexpr i64 FIRST_STOREY = i64(3) << 61;
 
-INLINE bool is_solid(Matter matter) { return matter >= ROOTED; }
+// What is at a place: nothing, over ground or over a void; the ground, or what else is solid.
+enum Matter : u8 { AIR, OVER_VOID, GROUND, SOLID };
+
+INLINE bool is_solid(Matter matter) { return matter >= GROUND; }
 
 // Whether there is a boundary between two kinds of matter. The rim of the ground at a void is none.
 INLINE bool is_boundary(Matter a, Matter b) {
-    bool rim = (a == ROOTED && b == OVER_VOID) || (a == OVER_VOID && b == ROOTED);
+    bool rim = (a == GROUND && b == OVER_VOID) || (a == OVER_VOID && b == GROUND);
     return is_solid(a) != is_solid(b) && !rim;
 }
 
@@ -366,9 +369,9 @@ private:
         bool rooted = !solids.empty() && solids[0].bottom.z == -INF;
         for (const Solid& solid : solids) {
             if (!(solid.bottom.z <= z && z <= solid.top.z)) continue;
-            if (solid.bottom.z > -INF) return SOLID;
             const Face& ground = columns_.ground();
-            return z <= ground.z || solid.top.element == ground.element ? ROOTED : SOLID;
+            bool is_ground = z <= ground.z || solid.top.element < FIRST_STOREY;
+            return is_ground ? GROUND : SOLID;
         }
         return rooted ? AIR : OVER_VOID;
     }
