@@ -36,7 +36,7 @@ private:
     void check() const {
         constexpr IndexCheck check_index{"StoreyRayIndex"};
         const auto& sheets = index_.storeys.sheets;
-        check_index(sheets.size() == index_.tops.size(), "the indices");
+        check_index(sheets.size() == index_.tops.size(), "a sheet");
         for (std::size_t k = 0; k < sheets.size(); ++k) {
             check_index(index_.tops[k]->field.elements.size() == sheets[k].storeys.size(), "tops");
             check_index(index_.faces[k]->field.elements.size() == sheets[k].faced.size(), "faces");
