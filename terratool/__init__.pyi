@@ -28,6 +28,7 @@ from terratool.errors import DefinitionError as DefinitionError
 from terratool.errors import MissedError as MissedError
 from terratool.errors import ReadError as ReadError
 from terratool.errors import RequestError as RequestError
+from terratool.errors import StoreysWarning as StoreysWarning
 from terratool.errors import TerratoolError as TerratoolError
 from terratool.errors import WriteError as WriteError
 from terratool.importing.primitive.build import Combine, ImportedPrimitive
@@ -60,6 +61,7 @@ __all__ = [
     "ReadError",
     "RequestError",
     "Sensor",
+    "StoreysWarning",
     "Terrain",
     "TerratoolError",
     "Vehicle",

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from terratool.definition.model import Bore, Definition, Primitive, Storey, Surf
 from terratool.definition.written import Written
 from terratool.field.compile import Compiled, compile_definition
 from terratool.kernels import field as kernels
+from terratool.report.wording import decks_and_bores
 
 if TYPE_CHECKING:
     from terratool.field.terrain import Terrain
@@ -70,7 +72,7 @@ class StoreyLattice(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Sheet:
+class StoreySheet:
     """Storeys that share no point, all decks or all bores.
 
     Attributes:
@@ -215,6 +217,7 @@ class Storeys:
         sheets: sheets in the order in which columns take them.
         decks: number of decks.
         bores: number of bores.
+        elements: number of elements of storeys.
         written: all elements of storeys, and those in whose cells they are.
         table: storeys by number.
         lattice: where which sheet has storeys.
@@ -240,6 +243,7 @@ class Storeys:
         definition = structs.replace(definition, tracks=UNSET)
         whole = plain(compile_definition(definition, written, roughness=False), definition)
         plan = _plan(written, own, whole)
+        self.elements = int(np.count_nonzero(plan.own >= 0))
         footprints = np.empty((4, len(written)))
         footprints[:, _order(whole)] = whole.footprints()
         number = np.full(len(written), -1, np.int32)
@@ -256,7 +260,23 @@ class Storeys:
         keyed = _sheet_keys(plan, indices)
         self.sheets = tuple(maker.make(members) for members in keyed)
         self.lattice = _lattice(footprints, keyed)
-        self.field = kernels.Storeys(self.sheets, self.table, self.lattice)
+
+    def __repr__(self) -> str:
+        return f"<Storeys: {decks_and_bores(self.decks, self.bores)}>"
+
+    @cached_property
+    def field(self) -> kernels.Storeys:
+        """Sheets, table and lattice, checked and kept by the kernels."""
+        return kernels.Storeys(self.sheets, self.table, self.lattice)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the compiled storeys in bytes."""
+        fields = sum(sheet.top.nbytes + sheet.face.nbytes for sheet in self.sheets)
+        return fields + self.lattice.cells.nbytes
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "field"}
 
     def near(self, x: Floats, y: Floats) -> NDArray[np.bool_]:
         """Whether storeys may be at points, (n,); where not, there is the ground alone."""
@@ -457,7 +477,7 @@ class _SheetMaker:
         code = plan.written.names.number
         self._outside, self._bare, self._level = code(outside), code(bare), code(level)
 
-    def make(self, members: Ints) -> Sheet:
+    def make(self, members: Ints) -> StoreySheet:
         """Sheet of storeys, by their indices."""
         plan = self._plan
         written = plan.written
@@ -475,7 +495,7 @@ class _SheetMaker:
         bottom = kept & (~is_own | own_element)
         face, behind = self._compile(bottom, own_element, int(plan.datum[members[0]]), faces)
         storey = np.where(is_own, self._number[np.where(is_own, plan.own, 0)], -1)
-        return Sheet(
+        return StoreySheet(
             top, face, storey[index].astype(np.int32), FIRST_STOREY + index,
             np.where(own_element, storey, -1)[behind].astype(np.int32),
             len(self._definition.surfaces) - 1, not plan.is_deck[members[0]],
