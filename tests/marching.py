@@ -38,17 +38,15 @@ class Marched(NamedTuple):
 def matter(terrain: Terrain, points: Floats) -> NDArray[np.int64]:
     """What is at points (…, 3).
 
-    The rim of the ground at a void is no boundary, but the sides of a deck that lies on it are.
+    The rim of the ground at a void is no boundary; sides of decks and bores are.
     """
-    x, y, z = np.moveaxis(points, -1, 0)
-    column = terrain.column(x, y)
-    within = (column.bottom <= z[..., None]) & (z[..., None] <= column.top)
-    place = within.argmax(-1)[..., None]
-    top = np.take_along_axis(column.element, place, -1)[..., 0]
-    ground = terrain.ground_alone.height(x, y)
-    rooted = (z <= ground) | (top < FIRST_STOREY)
-    air = np.where(np.isneginf(column.bottom[..., 0]), AIR, OVER_VOID)
-    return np.where(within.any(-1), np.where(rooted, GROUND, SOLID), air)
+    x, y, z = (one[..., None] for one in np.moveaxis(points, -1, 0))
+    column = terrain.column(x[..., 0], y[..., 0])
+    ground, own = terrain.ground_alone.height(x, y), column.element < FIRST_STOREY
+    within = (column.bottom <= z) & (z <= column.top)
+    solid = np.where((within & (own | (z <= ground))).any(-1), GROUND, SOLID)
+    air = np.where(np.isnan(ground[..., 0]), OVER_VOID, AIR)
+    return np.where(within.any(-1), solid, air)
 
 
 def is_boundary(one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.bool_]:

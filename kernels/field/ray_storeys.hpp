@@ -47,7 +47,7 @@ public:
     }
 
     i64 first_track() const { return count_of(field_.elements); }
-    // Where the last column was read, the ground that it began with.
+    // The ground that the last column began with.
     const Face& ground() const { return ground_; }
 
 private:
@@ -364,16 +364,14 @@ private:
 
     // What is at a distance.
     Matter matter(double r) {
-        double x = x_at(r), y = y_at(r), z = z_at(r);
-        const auto& solids = columns_.at(x, y);
-        bool rooted = !solids.empty() && solids[0].bottom.z == -INF;
+        double z = z_at(r);
+        const auto& solids = columns_.at(x_at(r), y_at(r));
+        double ground = columns_.ground().z;
         for (const Solid& solid : solids) {
             if (!(solid.bottom.z <= z && z <= solid.top.z)) continue;
-            const Face& ground = columns_.ground();
-            bool is_ground = z <= ground.z || solid.top.element < FIRST_STOREY;
-            return is_ground ? GROUND : SOLID;
+            return solid.top.element < FIRST_STOREY || z <= ground ? GROUND : SOLID;
         }
-        return rooted ? AIR : OVER_VOID;
+        return isnan(ground) ? OVER_VOID : AIR;
     }
 
     // From boundary to boundary that may be, until one is.

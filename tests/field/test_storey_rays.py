@@ -20,7 +20,8 @@ from terratool.text.source import Source
 from tests.budget import examples
 from tests.conftest import terrain_of, text_of
 from tests.marching import aimed, wrong
-from tests.storey_examples import BRIDGE, CAR_PARK, DEFINITIONS, RACK, RIVER, TUNNEL
+from tests.storey_examples import BRIDGE, CAR_PARK, DEFINITIONS, RACK, RIVER, TUNNEL, box
+from tests.storey_examples import terrain as storeyed
 from tests.storey_trees import lattices, with_storeys
 from tests.strategies import definitions
 
@@ -196,6 +197,21 @@ def test_the_rim_of_a_void_has_no_wall_and_a_plank_over_it_has_sides() -> None:
     assert bank.distance == math.inf
     side = terrain.cast([10, 8, 1.15], [0, 1, 0])
     assert float(side.distance) == pytest.approx(1.5) and bool(side.wall)
+
+
+def test_a_void_bore_has_a_ceiling_and_sides_and_no_floor() -> None:
+    shaft = box(8, 0, 20, 10, vScale=-4, surface="hole", bore={"height": 3})  # 4 - 4 + 3
+    root = {"type": "box", "vScale": 4, "surface": "grass", "children": [shaft]}
+    terrain = terrain_of(storeyed([30, 10], root))
+    above = terrain.cast([12, 5, 5], [1, 0, -1])
+    assert one(above, terrain) == (pytest.approx(math.sqrt(2)), "/elemTree", "grass", False)
+    below = terrain.cast([12, 5, 1], [1, 0, 1])
+    assert one(below, terrain) == (
+        pytest.approx(2 * math.sqrt(2)), "/elemTree/children/0", "hole", False
+    )  # fmt: skip
+    side = terrain.cast([12, 5, 1], [1, 0, 0])
+    assert one(side, terrain) == (pytest.approx(8), "/elemTree", "grass", True)
+    assert terrain.cast([12, 5, 1], [0.1, 0, -1]).distance == pytest.approx(80 * math.hypot(1, 0.1))
 
 
 def test_storeys_of_shared_parts_have_the_same_hits_and_names() -> None:
