@@ -107,6 +107,13 @@ class StoreySheet:
         """Field of the other faces."""
         return self.face.field
 
+    def other_face(self, gaps: Floats) -> Terrain:
+        """Plain terrain of the other faces, with the gaps between the faces, (storeys,)."""
+        elements = self.face.arrays.elements.copy()
+        gap = np.where(self.faced < 0, 0.0, np.nan_to_num(gaps[self.faced]))
+        elements["offset"] += gap if self.is_bore else -gap
+        return self.face.with_arrays(self.face.arrays._replace(elements=elements))
+
 
 class ColumnRows(NamedTuple):
     """Columns at points, as the kernels fill them: intervals from below, (n, m) each but `held`.
