@@ -31,8 +31,8 @@ public:
     // What is solid at a point, with ruts and reliefs.
     const std::vector<Solid>& at(double x, double y) {
         begin(x, y);
-        settle_column(field_, x, y, first_track(), maker_.column.solids);
-        return maker_.column.solids;
+        maker_.settle(column_, field_, x, y, first_track());
+        return column_.solids;
     }
 
     // Slopes of the other face of a storey at a point, by the number of the storey's own element.
@@ -53,7 +53,8 @@ public:
 private:
     const Field& field_;
     const Storeys& storeys_;
-    ColumnMaker maker_;
+    ColumnMaker<Face> maker_;
+    SolidColumn<Face> column_;
     Stack stack_, sheet_stack_;
     Face ground_{};
 
@@ -64,15 +65,15 @@ private:
     }
 
     void begin(double x, double y) {
-        ground_ = {NaN, NO_ELEMENT, -1};
+        ground_ = {NaN};
         if (is_inside(field_.bounds, x, y)) {
             Found found = descend<true>(field_, x, y, stack_);
             Worn worn = worn_of(field_, found);
             double z = worn.is_void ? NaN : found.z;
-            ground_ = {z, found.top, i32(worn.surface), found.slope_x, found.slope_y};
+            ground_ = {z, found.top, i32(worn.surface), -1, found.slope_x, found.slope_y};
         }
-        maker_.column.begin(ground_);
-        maker_.put_storeys(x, y);
+        column_.begin(ground_);
+        maker_.put_storeys(column_, x, y, storeys_.near(x, y));
     }
 };
 
