@@ -28,6 +28,7 @@ from terratool.mesh.types import COVERING_ELEMENT, Regions, Triangulation
 from terratool.traversability.parameters import SoilSamples, soil_table, vehicle_params
 from tests.conftest import terrain_of
 from tests.programs import program
+from tests.storey_examples import DEFINITIONS
 from tests.surveys import ROVER, level_costs
 
 ROOT = Path(__file__).parents[1]
@@ -78,6 +79,10 @@ def known(kind: str) -> Any:
         return kernels.field.StoreyRayIndex(known("Storeys"), known("RayIndex"), ())
     if kind == "WallFinder":
         return kernels.field.WallFinder(TERRAIN.field, edges)
+    if kind == "Storeys":
+        storeys = terrain_of(DEFINITIONS["bridge"]).storeys
+        assert storeys is not None
+        return storeys.field
     if kind == "VehicleOnSoils":
         soils = soil_table(TERRAIN, ROVER)
         return kernels.traversability.VehicleOnSoils(vehicle_params(ROVER), *soils)
