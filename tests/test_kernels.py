@@ -299,7 +299,7 @@ def test_objects_that_hold_nothing_are_refused() -> None:
 def test_planes_that_a_painter_has_not_are_refused() -> None:
     x, plane = np.array([1.0, 2.0]), np.zeros((2, 2))
     painter = kernels.field.Painter(TERRAIN.field, np.zeros(2, np.bool_), False, None)
-    others = "surfaces slope_x slope_y labels columns within figures seen".split()
+    others = ["surfaces", "slope_x", "slope_y", "labels", "columns", "within", "figures", "seen"]
     planes = SimpleNamespace(heights=plane, **dict.fromkeys(others))
     kernels.field.paint(painter, x, x, 1.0, 0, 0, planes)
     for name, wrong in (("slope_y", plane), ("labels", np.zeros((2, 2), np.uint32))):
