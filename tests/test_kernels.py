@@ -22,6 +22,7 @@ import terratool.traversability.wheel  # noqa: F401, it declares records
 from terratool import kernels
 from terratool.field.bounds import nonzero_edges
 from terratool.field.records import SAMPLES
+from terratool.field.storeys import StoreyLattice, StoreyTable
 from terratool.mesh.plan import plan_of
 from terratool.mesh.types import COVERING_ELEMENT, Regions, Triangulation
 from terratool.traversability.parameters import SoilSamples, soil_table, vehicle_params
@@ -37,6 +38,12 @@ TERRAIN = terrain_of(
      "elemTree": {"type": "p", "surface": "a", "cells": 2, "children": [
          {"type": "p", "cellX": 1, "cellY": 0}]}}
 )  # fmt: skip
+
+NO_STOREYS = (
+    StoreyTable(np.zeros(0), np.zeros(0, np.int64), np.zeros(0, np.int32)),
+    StoreyLattice(np.array([0.0, 0, 1, 1]), np.zeros((1, 1), np.uint64)),
+)
+"""A table and a lattice of no storeys."""
 
 Spec = dict[str, Any]
 FUNCTIONS = [
@@ -66,6 +73,10 @@ def known(kind: str) -> Any:
         return kernels.field.Painter(TERRAIN.field, np.zeros(2, np.bool_), True, edges)
     if kind == "RayIndex":
         return kernels.field.RayIndex(TERRAIN.field, TERRAIN.cells())
+    if kind == "Storeys":
+        return kernels.field.Storeys((), *NO_STOREYS)
+    if kind == "StoreyRayIndex":
+        return kernels.field.StoreyRayIndex(known("Storeys"), known("RayIndex"), ())
     if kind == "WallFinder":
         return kernels.field.WallFinder(TERRAIN.field, edges)
     if kind == "Storeys":
@@ -330,11 +341,19 @@ def test_an_index_of_rays_is_made_of_a_field_and_its_cells() -> None:
         kernels.field.RayIndex("field", cells)
     empty = kernels.field.RayIndex.__new__(kernels.field.RayIndex)
     three, one = np.zeros((1, 3)), np.zeros(1)
-    rest = three, three, one, one.copy(), three.copy(), three.copy()
+    rays = SimpleNamespace(origins=three, directions=three, most=one)
     with pytest.raises(TypeError, match=r"cast\(\): index must be a RayIndex, but is"):
-        kernels.field.cast(
-            empty, *rest, np.zeros(1, np.int64), np.zeros(1, np.int32), np.zeros(1, bool)
-        )
+        kernels.field.cast(empty, rays, SimpleNamespace())
+
+
+def test_indices_of_storeys_are_those_of_their_fields() -> None:
+    storeys, index = known("Storeys"), known("RayIndex")
+    with pytest.raises(TypeError, match=r"StoreyRayIndex\(\): a sheet leads nowhere"):
+        kernels.field.StoreyRayIndex(storeys, index, [(index, index)])
+    with pytest.raises(TypeError, match=r"StoreyRayIndex\(\): index must be a "):
+        kernels.field.StoreyRayIndex(storeys, storeys, ())
+    with pytest.raises(TypeError, match=r"StoreyRayIndex\(\): index must be a "):
+        kernels.field.StoreyRayIndex(index, index, ())
 
 
 def test_dtypes_that_are_not_the_structs_are_refused() -> None:

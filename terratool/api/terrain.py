@@ -465,8 +465,7 @@ class UserTerrain(ShownTerrain):
             ReadError, DefinitionError: a file cannot be read, or has errors.
         """
         scan = _scan(sensor, pose, poses, fill(ScanOptions, options))
-        ground = self.ground_only()
-        return list(scan.check_poses(ground).read(ground))
+        return list(scan.check_poses(self).read(self))
 
     @takes(ScanOptions)
     def write_scan(
@@ -501,7 +500,7 @@ class UserTerrain(ShownTerrain):
         """
         scan = _scan(sensor, pose, poses, fill(ScanOptions, options))
         wanted = ScanOutput(Path(output), frame == "world", misses, overwrite)
-        return export_scan(self.ground_only(), scan, wanted)
+        return export_scan(self, scan, wanted)
 
     @takes()
     def compare(

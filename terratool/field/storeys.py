@@ -107,6 +107,13 @@ class StoreySheet:
         """Field of the other faces."""
         return self.face.field
 
+    def other_face(self, gaps: Floats) -> Terrain:
+        """Plain terrain of the other faces, with the gaps between the faces, (storeys,)."""
+        elements = self.face.arrays.elements.copy()
+        gap = np.where(self.faced < 0, 0.0, np.nan_to_num(gaps[self.faced]))
+        elements["offset"] += gap if self.is_bore else -gap
+        return self.face.with_arrays(self.face.arrays._replace(elements=elements))
+
 
 class ColumnRows(NamedTuple):
     """Columns at points, as the kernels fill them: intervals from below, (n, m) each but `held`.
@@ -364,8 +371,8 @@ def _plan(written: Written, own: dict[int, Storey], whole: Terrain) -> _Plan:
     bounds[:, _order(whole)] = np.concatenate(
         [np.minimum(cells[:2], feet[:2]), np.maximum(cells[2:], feet[2:])]
     )
-    turned = written.rows.free & ~np.isnan(written.rows.turn) & (written.rows.turn % 90 != 0)
-    _widen(bounds, turned)
+    turned = written.rows.free & ~np.isnan(written.rows.turn) & (written.rows.turn % 360 != 0)
+    _widen(bounds, turned)  # their edges are closed
     for begin, end in reversed(levels[1:]):
         above = written.parent[begin:end]
         for side, pick in zip(range(4), (np.minimum,) * 2 + (np.maximum,) * 2, strict=True):
@@ -381,18 +388,22 @@ def _widen(bounds: Floats, which: Any = slice(None)) -> None:
     bounds[2:, which] += more
 
 
-_Class = tuple[int, bool]
-"""Depth of a storey, and whether it is a deck: bores of a depth count before its decks."""
+_Class = tuple[int, bool, int]
+"""Depth of a storey, whether it is a deck, and level of its element: bores count before decks."""
 
 
 def _sheet_keys(plan: _Plan, storeys: Ints) -> list[Ints]:
     """Storeys of each sheet, by index, in the order in which columns take the sheets.
 
-    Storeys of one depth and kind are in the order of the document; of two that may share a point,
-    or that elements around the other may reach, the later one comes into a later sheet.
+    Storeys of one depth and kind are in the order of the field: level by level, and in that of the
+    document within a level. Of two that may share a point, or that elements around the other may
+    reach, the later one comes into a later sheet.
     """
     written = plan.written
     count = len(written)
+    nested = np.repeat(np.arange(len(written.levels) - 1), np.diff(written.levels))
+    depths, decks = plan.depth.tolist(), plan.is_deck.tolist()
+    classes: list[_Class] = list(zip(depths, decks, nested.tolist(), strict=True))
     needs: list[dict[_Class, int]] = [{} for _ in range(count)]  # sheets that each has in it
     begins: list[dict[_Class, int]] = [{} for _ in range(count)]  # its first one in its parent
     own = set(storeys.tolist())
@@ -400,7 +411,7 @@ def _sheet_keys(plan: _Plan, storeys: Ints) -> list[Ints]:
         active = [child for child in range(begin, end) if child in own or needs[child]]
         for child in active:
             if child in own:
-                needs[child][int(plan.depth[child]), bool(plan.is_deck[child])] = 1
+                needs[child][classes[child]] = 1
         earlier = _earlier_overlaps(plan.bounds[:, active])
         for place, child in enumerate(active):
             for kind, many in needs[child].items():
@@ -414,15 +425,13 @@ def _sheet_keys(plan: _Plan, storeys: Ints) -> list[Ints]:
                 )
                 begins[child][kind] = first
                 needs[parent][kind] = max(needs[parent].get(kind, 0), first + many)
-    sheets: dict[tuple[int, bool, int, int], list[int]] = {}
+    sheets: dict[tuple[_Class, int, int], list[int]] = {}
     for index in storeys.tolist():
-        depth, is_deck = int(plan.depth[index]), bool(plan.is_deck[index])
-        level, at = 0, index
+        kind, sheet, at = classes[index], 0, index
         while at > 0:
-            level += begins[at].get((depth, is_deck), 0)
+            sheet += begins[at].get(kind, 0)
             at = int(written.parent[at])
-        key = depth, is_deck, level, int(plan.datum[index])
-        sheets.setdefault(key, []).append(index)
+        sheets.setdefault((kind, sheet, int(plan.datum[index])), []).append(index)
     return [np.array(sheets[key]) for key in sorted(sheets)]
 
 

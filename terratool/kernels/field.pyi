@@ -374,24 +374,8 @@ class RayIndex:
     @property
     def nodes(self) -> int: ...
 
-def cast(
-    index: RayIndex,
-    origins: NDArray[np.float64],
-    directions: NDArray[np.float64],
-    most: NDArray[np.float64],
-    distance: NDArray[np.float64],
-    point: NDArray[np.float64],
-    normal: NDArray[np.float64],
-    top: NDArray[np.int64],
-    surface: NDArray[np.int32],
-    wall: NDArray[np.bool_],
-) -> int:
-    """
-    What rays meet first; the first that is no ray, or -1.
-
-    Shapes: origins[n,3], directions[n,3], most[n], distance[n], point[n,3], normal[n,3], top[n],
-    surface[n], wall[n].
-    """
+def cast(index: RayIndex, rays: Any, hits: Any) -> int:
+    """What rays meet first; the first that is no ray, or -1."""
 
 class Storeys:
     """Decks and bores of a field, in sheets."""
@@ -434,3 +418,11 @@ def columns(
 
     Shapes: x[n], y[n].
     """
+
+class StoreyRayIndex:
+    """Indices of storeys and ground, for rays."""
+
+    def __init__(self, storeys: object, ground: object, sheets: object) -> None: ...
+
+def cast_storeys(index: StoreyRayIndex, rays: Any, hits: Any) -> int:
+    """As `cast`, where there are storeys."""

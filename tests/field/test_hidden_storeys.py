@@ -122,7 +122,6 @@ def test_users_are_warned_where_they_stand(tmp_path: Path) -> None:
     terrain = terratool.load(STOREYS / "bridge.json")
     for verb in (
         lambda: terrain.write_mesh(tmp_path / "a.stl", overwrite=True),
-        lambda: terrain.cast([20, 10, 9], [0, 0, -1]),
         lambda: terrain.locate(20, 10),
     ):
         with pytest.warns(StoreysWarning) as warned:

@@ -274,6 +274,19 @@ def test_the_highest_top_below_a_height(name: str) -> None:
         np.testing.assert_allclose(terrain.ground(x, y), oracle.ground(x, y), rtol=0, atol=1e-7)
 
 
+def test_closed_edges_of_what_is_turned_at_a_free_place_belong_to_it() -> None:
+    """Also where the cell of an element begins that is around another storey."""
+    bore = {"type": "box", "at": [3, 1], "extent": [2, 2], "vScale": -1, "turnDeg": 90}
+    bore |= {"surface": "road", "bore": {"height": 9}}
+    deep = {"type": "box", "at": [2, 2], "extent": [1, 1], "vScale": -2, "bore": {"height": 9}}
+    hill = {"type": "box", "at": [3, 4], "extent": [4, 4], "vScale": 4, "children": [deep]}
+    definition = {**DEFINITIONS["caves"], "size": [8, 7]}
+    definition["elemTree"] = {"type": "box", "vScale": 1, "children": [bore, hill]}
+    found = columns_of(terrain_of(definition), [(3, 2), (3, 4), (3, 2.5)])
+    assert [[one.top for one in column] for column in found] == [[0], [3], [5]]
+    assert_equal(found, Reduction(definition).columns(*np.array([(3, 2), (3, 4), (3, 2.5)]).T))
+
+
 def test_a_storey_in_a_terrain_without_surfaces_has_none() -> None:
     plank = {"type": "box", "at": [3, 1], "extent": [2, 1], "vScale": 2, "deck": {"thickness": 1}}
     tree = {"type": "box", "vScale": 0, "children": [plank]}
@@ -299,3 +312,22 @@ def test_parts_bring_storeys_only_where_they_stand(used: bool) -> None:
     )
     assert (terrain.storeys is not None) == used
     assert terrain.column(3, 1).top.tolist() == ([0, 2] if used else [0])
+
+
+@pytest.mark.parametrize(
+    "z, tops",
+    [
+        (None, [-0.1, 3, 5.5]),  # on what reaches down for ever
+        (0, [-0.1, 3, 5.5]),
+        (1.5, [-0.1, 3, 5.5]),  # half between two: on the lower
+        (1.75, [0, 2.9, 5.5]),
+        (4.25, [0, 2.9, 5.5]),  # half between two again
+        (5, [0, 3, 5.4]),
+        (90, [0, 3, 5.4]),
+    ],
+)
+def test_a_track_lies_on_the_top_nearest_to_its_height(z: float | None, tops: list[float]) -> None:
+    ends = [[25, 5], [30, 5]] if z is None else [[25, 5, z], [30, 5, z]]
+    definition = {**DEFINITIONS["car park"], "tracks": [{"path": ends, "width": 1, "depth": 0.1}]}
+    np.testing.assert_allclose(terrain_of(definition).column(27, 5.25).top, tops, atol=1e-12)
+    assert [one.top for one in Storeys(definition).column(27, 5.25)] == pytest.approx(tops)
