@@ -25,7 +25,6 @@ from terratool.field.rays import storey_ray_index
 from terratool.field.records import SAMPLES
 from terratool.mesh.plan import plan_of
 from terratool.mesh.types import COVERING_ELEMENT, Regions, Triangulation
-from terratool.raster.painter import Planes
 from terratool.traversability.parameters import SoilSamples, soil_table, vehicle_params
 from tests.conftest import terrain_of
 from tests.programs import program
@@ -303,7 +302,8 @@ def test_objects_that_hold_nothing_are_refused() -> None:
 def test_planes_that_a_painter_has_not_are_refused() -> None:
     x, plane = np.array([1.0, 2.0]), np.zeros((2, 2))
     painter = kernels.field.Painter(TERRAIN.field, np.zeros(2, np.bool_), False, None)
-    planes = SimpleNamespace(**{**dict.fromkeys(Planes._fields), "heights": plane})
+    others = ["surfaces", "slope_x", "slope_y", "labels", "columns", "within", "figures", "seen"]
+    planes = SimpleNamespace(heights=plane, **dict.fromkeys(others))
     kernels.field.paint(painter, x, x, 1.0, 0, 0, planes)
     for name, wrong in (("slope_y", plane), ("labels", np.zeros((2, 2), np.uint32))):
         more = SimpleNamespace(**{**vars(planes), name: wrong})
