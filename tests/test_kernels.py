@@ -21,13 +21,14 @@ import pytest
 import terratool.traversability.wheel  # noqa: F401, it declares records
 from terratool import kernels
 from terratool.field.bounds import nonzero_edges
+from terratool.field.rays import storey_ray_index
 from terratool.field.records import SAMPLES
-from terratool.field.storeys import StoreyLattice, StoreyTable
 from terratool.mesh.plan import plan_of
 from terratool.mesh.types import COVERING_ELEMENT, Regions, Triangulation
 from terratool.traversability.parameters import SoilSamples, soil_table, vehicle_params
 from tests.conftest import terrain_of
 from tests.programs import program
+from tests.storey_examples import DEFINITIONS
 from tests.surveys import ROVER, level_costs
 
 ROOT = Path(__file__).parents[1]
@@ -37,12 +38,6 @@ TERRAIN = terrain_of(
      "elemTree": {"type": "p", "surface": "a", "cells": 2, "children": [
          {"type": "p", "cellX": 1, "cellY": 0}]}}
 )  # fmt: skip
-
-NO_STOREYS = (
-    StoreyTable(np.zeros(0), np.zeros(0, np.int64), np.zeros(0, np.int32)),
-    StoreyLattice(np.array([0.0, 0, 1, 1]), np.zeros((1, 1), np.uint64)),
-)
-"""A table and a lattice of no storeys."""
 
 Spec = dict[str, Any]
 FUNCTIONS = [
@@ -72,12 +67,14 @@ def known(kind: str) -> Any:
         return kernels.field.Painter(TERRAIN.field, np.zeros(2, np.bool_), True, edges)
     if kind == "RayIndex":
         return kernels.field.RayIndex(TERRAIN.field, TERRAIN.cells())
-    if kind == "Storeys":
-        return kernels.field.Storeys((), *NO_STOREYS)
     if kind == "StoreyRayIndex":
-        return kernels.field.StoreyRayIndex(known("Storeys"), known("RayIndex"), ())
+        return storey_ray_index(terrain_of(DEFINITIONS["bridge"]))
     if kind == "WallFinder":
         return kernels.field.WallFinder(TERRAIN.field, edges)
+    if kind == "Storeys":
+        storeys = terrain_of(DEFINITIONS["bridge"]).storeys
+        assert storeys is not None
+        return storeys.field
     if kind == "VehicleOnSoils":
         soils = soil_table(TERRAIN, ROVER)
         return kernels.traversability.VehicleOnSoils(vehicle_params(ROVER), *soils)
@@ -305,7 +302,8 @@ def test_objects_that_hold_nothing_are_refused() -> None:
 def test_planes_that_a_painter_has_not_are_refused() -> None:
     x, plane = np.array([1.0, 2.0]), np.zeros((2, 2))
     painter = kernels.field.Painter(TERRAIN.field, np.zeros(2, np.bool_), False, None)
-    planes = SimpleNamespace(heights=plane, surfaces=None, slope_x=None, slope_y=None, labels=None)
+    others = ["surfaces", "slope_x", "slope_y", "labels", "columns", "within", "figures", "seen"]
+    planes = SimpleNamespace(heights=plane, **dict.fromkeys(others))
     kernels.field.paint(painter, x, x, 1.0, 0, 0, planes)
     for name, wrong in (("slope_y", plane), ("labels", np.zeros((2, 2), np.uint32))):
         more = SimpleNamespace(**{**vars(planes), name: wrong})
@@ -343,6 +341,8 @@ def test_an_index_of_rays_is_made_of_a_field_and_its_cells() -> None:
 def test_indices_of_storeys_are_those_of_their_fields() -> None:
     storeys, index = known("Storeys"), known("RayIndex")
     with pytest.raises(TypeError, match=r"StoreyRayIndex\(\): a sheet leads nowhere"):
+        kernels.field.StoreyRayIndex(storeys, index, ())
+    with pytest.raises(TypeError, match=r"StoreyRayIndex\(\): tops leads nowhere"):
         kernels.field.StoreyRayIndex(storeys, index, [(index, index)])
     with pytest.raises(TypeError, match=r"StoreyRayIndex\(\): index must be a "):
         kernels.field.StoreyRayIndex(storeys, storeys, ())

@@ -75,6 +75,7 @@ private:
     void check() const {
         constexpr IndexCheck check_index{"Storeys"};
         i64 storeys = count_of(storeys_.table.gaps);
+        check_index(!storeys_.sheets.empty(), "sheets");
         for (const Sheet& sheet : storeys_.sheets) {
             std::size_t tops = sheet.tops->elements.size(), faces = sheet.faces->elements.size();
             bool all = sheet.storeys.size() == tops && sheet.numbers.size() == tops;

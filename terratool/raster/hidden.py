@@ -1,4 +1,4 @@
-"""What a raster of highest tops hides: area with several storeys, clearance, storeys not seen."""
+"""Counts of what lies below the highest tops of a raster: area, clearance, storeys not seen."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FIRST = 20
 
 @dataclass(frozen=True, slots=True)
 class HiddenCounts:
-    """What is below the highest tops of a part of a grid; parts can be summed in any order.
+    """Counts below the highest tops of a part of a grid; parts can be summed in any order.
 
     Attributes:
         pixels: number of pixels with two tops or more.
@@ -61,7 +61,7 @@ class UnseenStoreys:
 
 @dataclass(frozen=True, slots=True)
 class HiddenLoss:
-    """What the highest tops of a grid hide; lengths are in world units.
+    """Loss below the highest tops of a grid; lengths are in world units.
 
     Attributes:
         area: area of the pixels with two tops or more.
@@ -119,7 +119,7 @@ class HiddenFinder:
         return HiddenCounts(int(pixels), int(most), (gap, pixel), seen)
 
     def loss(self, found: HiddenCounts) -> HiddenLoss:
-        """What the whole grid hides, from the sum of its windows."""
+        """Loss of the whole grid, from the sum of its windows."""
         grid = self._grid
         unseen = [n for n in self._within() if n not in found.seen]
         numbers = self._storeys.table.numbers[unseen[:FIRST]].tolist()
