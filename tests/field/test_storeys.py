@@ -171,7 +171,7 @@ def test_a_terrain_has_the_columns_by_hand(name: str) -> None:
         assert alike(column, wanted, 1e-7), (worked, column)
 
 
-@settings(max_examples=5)
+@settings(max_examples=4)
 @given(st.data())
 def test_columns_are_those_of_the_format(data: st.DataObject) -> None:
     """Also where faces meet: a top and a ground, an underside and a ceiling, and their like."""
