@@ -70,6 +70,14 @@ def scatter_of(value: Json) -> Scatter:
     )  # fmt: skip
 
 
+def higher(storey: Json, factor: Fraction) -> Json:
+    """What a deck or a bore says, with all its heights multiplied."""
+    heights = {key: storey[key] for key in ("thickness", "height", "vOffset") if key in storey}
+    if "under" in storey or "roof" in storey:
+        heights["vScale"] = storey.get("vScale", 1)
+    return storey | {key: float(Fraction(z) * factor) for key, z in heights.items()}
+
+
 def both(value: Any) -> list[Any]:
     return value if isinstance(value, list) else [value, value]
 
@@ -151,6 +159,7 @@ class Reading:
         found |= {"descr": said[0]} if said else {}
         found |= {} if surface is None else {"surface": surface}
         found |= {"surfaceGrid": root["surfaceGrid"]} if "surfaceGrid" in root else {}
+        found |= {kind: higher(root[kind], factor) for kind in ("deck", "bore") if kind in root}
         below = Around(home, factor, quarters, around.sides, name, around.pointer)
         children = [
             child

@@ -257,7 +257,7 @@ class Element:
     """One element of the tree in its place, with what it takes from its parent."""
 
     def __init__(self, types: Any, node: Any, cell: Cell, parent: Element | None, k: int) -> None:
-        self.node, self.cell = node, cell
+        self.node, self.cell, self.parent = node, cell, parent
         self.level: int = parent.level + 1 if parent else 0
         self.pointer: str = f"{parent.pointer}/children/{k}" if parent else "/elemTree"
         self.surface: str | None = node.get("surface", parent.surface if parent else None)
