@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from terratool.definition.model import Bore, Definition, Primitive, Storey, Surf
 from terratool.definition.written import Written
 from terratool.field.compile import Compiled, compile_definition
 from terratool.kernels import field as kernels
+from terratool.report.wording import decks_and_bores
 
 if TYPE_CHECKING:
     from terratool.field.terrain import Terrain
@@ -206,6 +208,7 @@ class Storeys:
         sheets: sheets in the order in which columns take them.
         decks: number of decks.
         bores: number of bores.
+        elements: number of elements of storeys.
         written: all elements of storeys, and those in whose cells they are.
         table: storeys by number.
         lattice: where which sheet has storeys.
@@ -231,6 +234,7 @@ class Storeys:
         definition = structs.replace(definition, tracks=UNSET)
         whole = plain(compile_definition(definition, written, roughness=False), definition)
         plan = _plan(written, own, whole)
+        self.elements = int(np.count_nonzero(plan.own >= 0))
         footprints = np.empty((4, len(written)))
         footprints[:, _order(whole)] = whole.footprints()
         number = np.full(len(written), -1, np.int32)
@@ -247,7 +251,32 @@ class Storeys:
         keyed = _sheet_keys(plan, indices)
         self.sheets = tuple(maker.make(members) for members in keyed)
         self.lattice = _lattice(footprints, keyed)
-        self.field = kernels.Storeys(self.sheets, self.table, self.lattice)
+
+    def __repr__(self) -> str:
+        return f"<Storeys: {decks_and_bores(self.decks, self.bores)}>"
+
+    @cached_property
+    def field(self) -> kernels.Storeys:
+        """Sheets, table and lattice, checked and kept by the kernels."""
+        return kernels.Storeys(self.sheets, self.table, self.lattice)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the compiled storeys in bytes."""
+        fields = sum(sheet.top.nbytes + sheet.face.nbytes for sheet in self.sheets)
+        return fields + self.lattice.cells.nbytes
+
+    @property
+    def arrays(self) -> tuple[Any, ...]:
+        """All that decides columns over a ground."""
+        sheets = (
+            (sheet.is_bore, sheet.storeys, *sheet.top.arrays, sheet.faced, *sheet.face.arrays)
+            for sheet in self.sheets
+        )
+        return *self.table, *self.lattice, *sheets
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "field"}
 
     def near(self, x: Floats, y: Floats) -> NDArray[np.bool_]:
         """Whether storeys may be at points, (n,); where not, there is the ground alone."""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from copy import copy
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from msgspec import UNSET
@@ -27,7 +27,7 @@ from terratool.definition.reader import Checked, load_checked, refusal, uses_of
 from terratool.definition.sharing import blueprint
 from terratool.definition.uses import Uses
 from terratool.definition.written import write_out
-from terratool.errors import RequestError
+from terratool.errors import RequestError, StoreysWarning, warn_outside
 from terratool.field.compile import Compiled, compile_definition
 from terratool.field.records import CurveArrays, FieldArrays, align_arrays
 from terratool.field.sharing import Tally, compile_shared, refuse_piled
@@ -36,6 +36,7 @@ from terratool.field.tracks import without_tracks
 from terratool.field.types import OUTSIDE, Columns, PointSamples, points_of
 from terratool.kernels import field as kernels
 from terratool.report.numbers import coordinates
+from terratool.report.wording import hidden_storeys
 
 if TYPE_CHECKING:
     import torch
@@ -137,8 +138,14 @@ def batch_heights(
     return out
 
 
-_CACHED = ("field", "written_out", "ray_index", "_document_order", "_bare")
-"""Attributes of a terrain that follow from the others."""
+def _derived(kind: type) -> set[str]:
+    """Names of attributes of a class that follow from the others, and are kept when known."""
+    return {
+        name
+        for base in kind.__mro__
+        for name, member in vars(base).items()
+        if isinstance(member, cached_property)
+    }
 
 
 class Terrain:
@@ -200,6 +207,8 @@ class Terrain:
             self._compiled = compile_definition(definition, expansion.elements, roughness=roughness)
         self.storeys: Storeys | None = None
         """Decks and bores; None where there are none."""
+        self.hidden: tuple[str, ...] = ()
+        """Sentence on the storeys that the terrain does not show; none for a whole terrain."""
         self.descr = "" if definition.descr is UNSET else definition.descr
         self.crs: str | int | dict[str, object] | None = (
             None if definition.crs is UNSET else definition.crs
@@ -219,9 +228,7 @@ class Terrain:
     def _plain(self, compiled: Compiled, definition: Definition) -> Terrain:
         """Terrain of other elements in place of these, without parts that are shared."""
         other = Terrain.__new__(Terrain)
-        vars(other).update(vars(self))
-        for name in _CACHED:
-            vars(other).pop(name, None)
+        vars(other).update(self._own)
         other._compiled, other._tally, other._source, other.storeys = compiled, None, None, None
         other.primitives = tuple(definition.primitives)
         other.surface_types = dict(definition.surfaces)
@@ -233,16 +240,21 @@ class Terrain:
         return self._compiled
 
     @cached_property
-    def ground_alone(self) -> Terrain:
+    def ground_alone(self) -> Self:
         """The terrain without its storeys, and what is in them."""
         if self.storeys is None:
             return self
         other = copy(self)
-        for name in _CACHED:
-            if name != "field":
-                vars(other).pop(name, None)
         other.storeys = None
+        other.hidden = (hidden_storeys(self.storeys.decks, self.storeys.bores),)
+        vars(other)["field"] = self.field
         return other
+
+    def ground_only(self) -> Self:
+        """`ground_alone`, for what knows no storeys yet; a warning says what it leaves out."""
+        for sentence in self.ground_alone.hidden if self.storeys is not None else ():
+            warn_outside(sentence, StoreysWarning)
+        return self.ground_alone
 
     @cached_property
     def _bare(self) -> Terrain:
@@ -252,8 +264,6 @@ class Terrain:
         arrays = without_tracks(self.arrays)
         arrays = arrays._replace(reliefs=arrays.reliefs[:0])
         other = copy(self.ground_alone)
-        for name in _CACHED:
-            vars(other).pop(name, None)
         other._compiled = self._compiled._replace(arrays=arrays)
         return other
 
@@ -262,22 +272,31 @@ class Terrain:
         """Flat arrays of the field."""
         return self._compiled.arrays
 
+    @property
+    def all_arrays(self) -> tuple[Any, ...]:
+        """Flat arrays of the ground, and of all that is in storeys."""
+        return *self.arrays, *(() if self.storeys is None else self.storeys.arrays)
+
     @cached_property
     def field(self) -> kernels.Field:
         """Flat arrays of the field, checked and kept by the kernels."""
         return kernels.Field(self.arrays)
 
+    @property
+    def _own(self) -> dict[str, Any]:
+        """Attributes but those that follow from others."""
+        derived = _derived(type(self))
+        return {name: value for name, value in vars(self).items() if name not in derived}
+
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name not in _CACHED}
+        return self._own
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state, _compiled=align_arrays(state["_compiled"]))
 
-    def with_curves(self, curves: CurveArrays) -> Terrain:
+    def with_curves(self, curves: CurveArrays) -> Self:
         """Return this terrain with other curves, which its parts have if they are written out."""
         other = copy(self)
-        for name in _CACHED:
-            vars(other).pop(name, None)
         other._compiled = self._compiled._replace(arrays=self.arrays._replace(curves=curves))
         return other
 
@@ -323,8 +342,13 @@ class Terrain:
 
     @property
     def elements(self) -> int:
-        """Number of elements, with parts and copies written out."""
+        """Number of elements of the ground, with parts and copies written out."""
         return len(self.arrays.elements) if self._tally is None else self._tally.elements
+
+    @property
+    def all_elements(self) -> int:
+        """Number of elements, those of storeys included, with parts and copies written out."""
+        return self.elements + (0 if self.storeys is None else self.storeys.elements)
 
     @property
     def is_shared(self) -> bool:
@@ -340,7 +364,8 @@ class Terrain:
         """
         if self._source is None:
             return self
-        return Terrain(self._source, roughness=self._roughness, share_above=math.inf)
+        whole = Terrain(self._source, roughness=self._roughness, share_above=math.inf)
+        return whole.ground_alone if self.hidden else whole
 
     @property
     def written_out_or_none(self) -> Terrain | None:
@@ -444,7 +469,7 @@ class Terrain:
         """
         from terratool.field.addresses import addresses
 
-        return addresses(self, x, y)
+        return addresses(self.ground_only(), x, y)
 
     def normal(self, x: ArrayLike, y: ArrayLike, below: ArrayLike | None = None) -> Floats:
         """Upward unit normals at points, (…, 3) float64; on an edge, of its east and north side."""
@@ -539,7 +564,7 @@ class Terrain:
         """
         from terratool.field.rays import cast
 
-        return cast(self, origins, directions, max_range, threads)
+        return cast(self.ground_only(), origins, directions, max_range, threads)
 
     def to_torch(
         self,
@@ -561,7 +586,9 @@ class Terrain:
         """
         from terratool.field.torch_field import TorchField
 
-        return TorchField(self, device, origin=origin, default_friction=default_friction)
+        return TorchField(
+            self.ground_only(), device, origin=origin, default_friction=default_friction
+        )
 
     def to_warp(
         self,
@@ -583,7 +610,9 @@ class Terrain:
         """
         from terratool.field.warp_field import WarpField
 
-        return WarpField(self, device, origin=origin, default_friction=default_friction)
+        return WarpField(
+            self.ground_only(), device, origin=origin, default_friction=default_friction
+        )
 
     @property
     def first_track(self) -> int:
@@ -624,25 +653,37 @@ class Terrain:
 
     @property
     def _by_kind(self) -> list[int]:
+        """Number of elements of the ground of each kind."""
         if self._tally is not None:
             return list(self._tally.by_kind)
         arrays = self.arrays
         counts = np.bincount(arrays.elements["kind"], minlength=len(arrays.kinds))
         return list(map(int, counts))
 
+    def _kinds(self) -> Iterator[tuple[Terrain, int, int]]:
+        """Yield kinds of elements, by a terrain and their number in it, with how many there are."""
+        for kind, count in enumerate(self._by_kind):
+            yield self, kind, count
+        for sheet in () if self.storeys is None else self.storeys.sheets:
+            kinds = sheet.top.arrays.elements["kind"][sheet.storeys >= 0]
+            for kind, count in enumerate(np.bincount(kinds).tolist()):
+                if count:
+                    yield sheet.top, kind, count
+
     def count_by_primitive(self) -> dict[str, int]:
-        """Number of elements of each primitive, unused primitives included."""
+        """Number of elements of each primitive, unused primitives and storeys included."""
         counts = dict.fromkeys(self.primitives, 0)
-        for primitive, count in zip(self._compiled.primitives.tolist(), self._by_kind, strict=True):
-            counts[self.primitives[primitive]] += count
+        for terrain, kind, count in self._kinds():
+            counts[terrain.primitives[terrain._compiled.primitives[kind]]] += count
         return counts
 
     def count_by_surface(self) -> dict[str, int]:
         """Number of elements with each surface: their own, inherited, or by classes of a raster."""
         counts = dict.fromkeys(self.surfaces, 0)
-        for kind, count in zip(self.arrays.kinds, self._by_kind, strict=True):
-            for surface in self.arrays.worn_by(kind):
-                counts[self.surfaces[surface]] += count
+        for terrain, kind, count in self._kinds():
+            for surface in terrain.arrays.worn_by(terrain.arrays.kinds[kind]):
+                if (name := terrain.surfaces[surface]) in counts:  # no surface has one in a sheet
+                    counts[name] += count
         return counts
 
     def cells(self) -> NDArray[np.float64]:

@@ -345,6 +345,7 @@ def loss_of(terrain: Terrain, fit: BudgetedMesh, options: MeshOptions, wanted: f
         walls=wall_summary(built.mesh),
         left=left,
         ruts=built.loss.ruts if terrain.tracks else UNSET,
+        storeys=next(iter(terrain.hidden), UNSET),
     )
 
 

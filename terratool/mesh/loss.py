@@ -111,6 +111,7 @@ class MeshLoss(
         walls: walls of the ground, without the outer sides of a solid.
         left: elements that are left out.
         ruts: loss of ruts; UNSET for a terrain without tracks.
+        storeys: sentence on decks and bores that are left out; UNSET for none.
     """
 
     wanted: float
@@ -124,6 +125,7 @@ class MeshLoss(
     walls: WallSummary
     left: OmittedElements
     ruts: RutLoss | UnsetType = UNSET
+    storeys: str | UnsetType = UNSET
 
     def sentences(self) -> Iterator[str]:
         """Yield a sentence on walls and one on losses."""
@@ -174,12 +176,14 @@ class GridLoss(Struct, frozen=True):
         points: number of points at which the grid was compared with the terrain.
         miss: largest difference at the points, whichever way viewers halve the squares.
         rms: root mean square of the differences at the points.
+        storeys: sentence on decks and bores that are left out; UNSET for none.
     """
 
     walls: WallSummary
     points: int
     miss: Peak
     rms: float
+    storeys: str | UnsetType = UNSET
 
     def sentences(self, spacing: float) -> Iterator[str]:
         """Yield a sentence on losses.

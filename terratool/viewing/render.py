@@ -98,4 +98,4 @@ def _draw(terrain: Terrain, options: RenderOptions, progress: Progress = lambda 
         drawn = draw_perspective(terrain, options, judge, progress)
     else:
         drawn = draw_plan(terrain, options, judge, progress)
-    return drawn._replace(notes=(*drawn.notes, *notes))
+    return drawn._replace(notes=(*drawn.notes, *notes, *terrain.hidden))
