@@ -1,0 +1,214 @@
+"""Sides of what is solid: walls between the stacks of two triangles beside each other."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terratool.mesh.stacks import BELOW, Stacks
+from terratool.mesh.types import Triangulation
+
+Ints = NDArray[np.int32]
+Longs = NDArray[np.int64]
+
+
+class Sides(NamedTuple):
+    """Stacks over triangles, with a level for each corner of each end of an interval.
+
+    Attributes:
+        plane: the triangles.
+        stacks: intervals over them, i at most.
+        low: (n, i, 3) int32 level at each corner of the bottom of each interval; `BELOW`, or
+            negative for none.
+        high: (n, i, 3) int32 level at each corner of the top of each interval.
+        begins: (p + 1,) first level of each vertex.
+        levels: heights, those of a vertex from below.
+        closed: whether the first level where something solid from below ends is that of a base.
+    """
+
+    plane: Triangulation
+    stacks: Stacks
+    low: Ints
+    high: Ints
+    begins: Longs
+    levels: NDArray[np.float64]
+    closed: bool
+
+
+class Walls(NamedTuple):
+    """Faces that stand upright.
+
+    Attributes:
+        faces: (k, 3) levels.
+        owner: (k,) triangle with the interval whose side each face is.
+        interval: (k,) index of this interval.
+        empty: (k,) triangle in front; -1 for none.
+        under: (k,) index of the highest interval below the face there; -1 for none.
+        outer: (k,) bool, whether the ground ends there.
+    """
+
+    faces: Ints
+    owner: Longs
+    interval: Longs
+    empty: Longs
+    under: Longs
+    outer: NDArray[np.bool_]
+
+
+class _Edges(NamedTuple):
+    """Sides of triangles: the triangles on the left and on the right, and the corner of each."""
+
+    left: Longs
+    begin: Longs
+    right: Longs
+    end: Longs
+
+
+def raise_sides(sides: Sides) -> Walls:
+    """Walls wherever there is something solid on one side of an edge alone."""
+    edges = _edges_that_differ(sides)
+    ends = _ends_of(sides, edges)
+    order = np.lexsort([ends[:, 3], ends[:, 2], ends[:, 1], ends[:, 0]])
+    ends = ends[order]
+    bad = np.flatnonzero((ends[1:, 0] == ends[:-1, 0]) & (ends[1:, 2] < ends[:-1, 2]))
+    crossed = np.unique(ends[bad, 0])
+    if len(crossed):
+        ends = _apart(ends, crossed, len(edges.left))
+    return _strips(sides, edges, ends)
+
+
+def _edges_that_differ(sides: Sides) -> _Edges:
+    plane, low, high = sides.plane, sides.low, sides.high
+    neighbours = plane.neighbours
+    t, c = np.nonzero((neighbours < 0) | (np.arange(len(neighbours))[:, None] < neighbours))
+    beyond = neighbours[t, c].astype(np.int64)
+    back = (neighbours[beyond] == t[:, None]).argmax(axis=1)  # corner of the side that leads here
+    same = beyond >= 0
+    for one in (low, high):
+        for own, other in ((c, (back + 1) % 3), ((c + 1) % 3, back)):
+            same &= (one[t, :, own] == one[beyond, :, other]).all(axis=1)
+    t, c, beyond, back = (one[~same] for one in (t, c, beyond, back))
+    return _Edges(t, c, beyond, back)
+
+
+def _ends_of(sides: Sides, edges: _Edges) -> Longs:
+    """Ends of the intervals on both sides of edges.
+
+    (n, 6): edge, level at its begin, level at its end, 1 for a top, 0 or 1 for left or right, 1 for
+    an interval from below.
+    """
+    rows = []
+    for side, triangle, begin, end in (
+        (0, edges.left, edges.begin, (edges.begin + 1) % 3),
+        (1, edges.right, (edges.end + 1) % 3, edges.end),
+    ):
+        for is_top, own in ((0, sides.low), (1, sides.high)):
+            first, last = own[triangle, :, begin], own[triangle, :, end]
+            there = (triangle >= 0)[:, None] & (sides.high[triangle, :, 0] >= 0)
+            edge, interval = np.nonzero(there)
+            from_below = sides.low[triangle[edge], interval, 0] == BELOW
+            rows.append(
+                np.column_stack(
+                    [edge, first[edge, interval], last[edge, interval],
+                     np.full(len(edge), is_top), np.full(len(edge), side), from_below]
+                )
+            )  # fmt: skip
+    return np.concatenate(rows).astype(np.int64)
+
+
+def _apart(ends: Longs, crossed: Longs, count: int) -> Longs:
+    """Ends with those of some edges as if each of their sides were alone."""
+    some = np.isin(ends[:, 0], crossed)
+    ends = ends.copy()
+    for edge in crossed.tolist():
+        own = np.flatnonzero(ends[:, 0] == edge)
+        finite = ends[own, 1] >= 0
+        for column in (1, 2):
+            ends[own[~finite], column] = ends[own[finite], column].min()
+    ends[some, 5] = 0
+    ends[some & (ends[:, 4] == 1), 0] += count
+    return ends[np.lexsort([ends[:, 3], ends[:, 2], ends[:, 1], ends[:, 0]])]
+
+
+def _strips(sides: Sides, edges: _Edges, ends: Longs) -> Walls:
+    edge, low_p, low_q, is_top, side, from_below = ends.T
+    count = len(edges.left)
+    first = np.flatnonzero(np.diff(edge, prepend=-1))
+    group = np.repeat(np.arange(len(first)), np.diff(np.append(first, len(edge))))
+
+    def running(values: Longs) -> Longs:
+        total = np.cumsum(values)
+        before = np.where(first > 0, total[first - 1], 0)
+        return np.asarray(total - before[group])
+
+    step = 1 - 2 * is_top
+    inside = [running(step * (side == k)) > 0 for k in (0, 1)]
+    ground = [running(step * from_below * (side == k)) > 0 for k in (0, 1)]
+    passed = [running(is_top * (side == k)) for k in (0, 1)]
+    has_ground = [
+        np.bincount(group, from_below * (side == k), minlength=len(first))[group] > 0
+        for k in (0, 1)
+    ]
+    follows = np.append(edge[1:] == edge[:-1], False)
+    after = np.minimum(np.arange(len(edge)) + 1, len(edge) - 1)
+    moves = (low_p[after] != low_p) | (low_q[after] != low_q)
+    at = np.flatnonzero(follows & moves & (inside[0] != inside[1]))
+    right = inside[1][at].astype(np.int64)  # which side is solid
+    pick = lambda pair, which: np.where(which == 1, pair[1][at], pair[0][at])  # noqa: E731
+    outer = pick(ground, right) & ~pick(has_ground, 1 - right)
+    if not sides.closed:
+        at, right, outer = at[~outer], right[~outer], outer[~outer]
+    own = edge[at] % count
+    t = np.stack([edges.left[own], edges.right[own]])
+    rows = np.arange(len(at))
+    p = sides.plane.triangles[edges.left[own], edges.begin[own]]
+    q = sides.plane.triangles[edges.left[own], (edges.begin[own] + 1) % 3]
+    p0, q0 = low_p[at], low_q[at]
+    p0, q0 = np.where(p0 < 0, sides.begins[p], p0), np.where(q0 < 0, sides.begins[q], q0)
+    faces, slab = _zip(p0, low_p[at + 1], q0, low_q[at + 1], right == 1, sides.levels)
+    alone = edge[at] >= count  # the other side of an edge whose sides stand apart
+    empty = np.where(alone, -1, t[1 - right, rows])
+    return Walls(
+        faces,
+        t[right, rows][slab],
+        pick(passed, right)[slab],
+        empty[slab],
+        (pick(passed, 1 - right) - 1)[slab],
+        outer[slab],
+    )
+
+
+def _zip(
+    p0: Longs, p1: Longs, q0: Longs, q1: Longs, flipped: NDArray[np.bool_], levels: NDArray
+) -> tuple[Ints, Longs]:
+    """Faces between chains of levels at two vertices, p on the left unless flipped.
+
+    Args:
+        p0: (n,) first levels at one vertex.
+        p1: (n,) last levels there.
+        q0: (n,) first levels at the other vertex.
+        q1: (n,) last levels there.
+        flipped: (n,) bool.
+        levels: heights.
+
+    Returns:
+        (k, 3) faces, and (k,) index of the chains of each.
+    """
+    p0, p1, q0, q1 = (np.where(flipped, b, a) for a, b in ((p0, q0), (p1, q1), (q0, p0), (q1, p1)))
+    counts = np.stack([p1 - p0, q1 - q0])
+    slab = np.concatenate([np.repeat(np.arange(len(p0)), own) for own in counts])
+    of_q = np.repeat([0, 1], counts.sum(axis=1))
+    firsts = np.concatenate([np.repeat(p0, counts[0]), np.repeat(q0, counts[1])])
+    starts = np.concatenate([np.repeat(np.cumsum(own) - own, own) for own in counts])
+    within = np.concatenate([np.arange(own.sum()) for own in counts]) - starts
+    new = firsts + within + 1
+    order = np.lexsort([of_q, levels[new], slab])
+    slab, of_q, new = slab[order], of_q[order], new[order]
+    begin = np.cumsum(counts.sum(axis=0)) - counts.sum(axis=0)
+    q_before = np.cumsum(of_q) - of_q
+    q_before -= np.append(q_before, 0)[begin[slab]]
+    p_before = np.arange(len(slab)) - begin[slab] - q_before
+    faces = np.column_stack([p0[slab] + p_before, q0[slab] + q_before, new])
+    return faces.astype(np.int32), slab
