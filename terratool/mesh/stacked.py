@@ -193,17 +193,20 @@ class _Mesher:
         faces = np.concatenate([shown, walls.faces, floor]).astype(np.int32)
         place = np.repeat(np.arange(len(plane.points)), np.diff(begins))
         vertices = np.column_stack([plane.points[place] * plan.pitch, levels])
-        faces, sources = separate(vertices, faces)
+        surfaces = np.concatenate([surfaces, wall_surfaces, np.full(len(floor), -1)])
+        # tops, undersides and walls, and then what closes a solid
+        rank = np.repeat([0, 1, 2], [len(shown), len(walls.faces), len(floor)])
+        last = np.concatenate([np.zeros(len(shown)), walls.outer, np.ones(len(floor))])
+        found_faces = separate(vertices, faces)
+        order = found_faces.owners[np.argsort(last[found_faces.owners], kind="stable")]
         mesh = mesh_of(
             self._terrain, plan,
-            vertices=vertices[sources],
-            faces=faces,
-            surfaces=np.concatenate(
-                [surfaces, wall_surfaces, np.full(len(floor), -1)]
-            ).astype(np.int32),
-            walls=np.repeat([False, True, False], [len(shown), len(walls.faces), len(floor)]),
+            vertices=found_faces.vertices,
+            faces=found_faces.faces[np.argsort(last[found_faces.owners], kind="stable")],
+            surfaces=surfaces[order].astype(np.int32),
+            walls=rank[order] == 1,
         )  # fmt: skip
-        shell = len(shown) + int((~walls.outer).sum())
+        shell = int((last[order] == 0).sum())
         return BuiltMesh(mesh, shell, error + found["moved"], loss)
 
     def _base(self, base: float | Literal["below"], heights: Floats) -> float:

@@ -69,9 +69,7 @@ class _Edges(NamedTuple):
 def raise_sides(sides: Sides) -> Walls:
     """Walls wherever there is something solid on one side of an edge alone."""
     edges = _edges_that_differ(sides)
-    ends = _ends_of(sides, edges)
-    order = np.lexsort([ends[:, 3], ends[:, 2], ends[:, 1], ends[:, 0]])
-    ends = ends[order]
+    ends = _in_order(_ends_of(sides, edges))
     bad = np.flatnonzero((ends[1:, 0] == ends[:-1, 0]) & (ends[1:, 2] < ends[:-1, 2]))
     crossed = np.unique(ends[bad, 0])
     if len(crossed):
@@ -119,16 +117,29 @@ def _ends_of(sides: Sides, edges: _Edges) -> Longs:
 
 
 def _apart(ends: Longs, crossed: Longs, count: int) -> Longs:
-    """Ends with those of some edges as if each of their sides were alone."""
-    some = np.isin(ends[:, 0], crossed)
+    """Ends with those of some edges as if each of their sides were alone.
+
+    What is solid from below on both sides begins with the lowest of the other ends.
+    """
     ends = ends.copy()
-    for edge in crossed.tolist():
-        own = np.flatnonzero(ends[:, 0] == edge)
-        finite = ends[own, 1] >= 0
-        for column in (1, 2):
-            ends[own[~finite], column] = ends[own[finite], column].min()
-    ends[some, 5] = 0
-    ends[some & (ends[:, 4] == 1), 0] += count
+    edge, side, from_below = ends[:, 0], ends[:, 4], ends[:, 5]
+    some = np.isin(edge, crossed)
+    grounded = np.zeros((2, count), np.bool_)
+    own = some & (from_below == 1)
+    grounded[side[own], edge[own]] = True
+    both = some & grounded.all(axis=0)[edge]
+    for column in (1, 2):
+        lowest = np.full(count, np.iinfo(np.int64).max)
+        finite = both & (ends[:, column] >= 0)
+        np.minimum.at(lowest, edge[finite], ends[finite, column])
+        ends[both, column] = np.maximum(ends[both, column], lowest[edge[both]])
+    ends[both, 5] = 0
+    ends[some & (side == 1), 0] += count
+    return _in_order(ends)
+
+
+def _in_order(ends: Longs) -> Longs:
+    """Ends of each edge from below."""
     return ends[np.lexsort([ends[:, 3], ends[:, 2], ends[:, 1], ends[:, 0]])]
 
 
