@@ -19,6 +19,7 @@ from terratool.definition.key import Key
 from terratool.definition.keys import KEYS
 from terratool.definition.layout import canonical
 from terratool.definition.model import (
+    STOREYS,
     Definition,
     Element,
     Primitive,
@@ -34,7 +35,9 @@ from terratool.errors import RequestError
 from terratool.report.wording import count_of
 from terratool.text.source import Source, refuse_name, write_source
 
-_INNER: dict[str, type] = {"roughness": Roughness, "repeat": Repeat, "scatter": Scatter}
+_INNER: dict[str, type] = {
+    "roughness": Roughness, "repeat": Repeat, "scatter": Scatter, **STOREYS
+}  # fmt: skip
 """Classes of the objects that stand in others, by their keys."""
 _BUILT = ("$schema", "surfTypes", "elemTypes", "parts", "elemTree", "tracks", "children")
 """Keys that methods build, or that say nothing of a terrain."""

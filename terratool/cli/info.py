@@ -211,7 +211,7 @@ def _lines(s: TerrainSummary) -> list[str]:
         *_counts("by surface", s.elements_by_surface),
         f"smallest cell  {s.smallest_cell:g}",
     ]
-    if s.storeys:
+    if s.storeys.decks + s.storeys.bores:
         lines.append(f"storeys        {decks_and_bores(s.storeys.decks, s.storeys.bores)}")
     if tracks.count:
         lines.append(

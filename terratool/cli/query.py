@@ -309,7 +309,7 @@ def _number(text: str) -> float | None:
 
 
 class _Asked(NamedTuple):
-    """What is asked at points of a terrain, and how it is written.
+    """Question at points of a terrain, and how its answer is written.
 
     Attributes:
         terrain: the terrain.

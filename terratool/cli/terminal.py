@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from terratool.field.terrain import Terrain
 
 Storeys = Literal["said", "noted", "kept"]
-"""What a command does with decks and bores: it leaves them out and says so, leaves them out where
-its report says so, or knows them."""
+"""Use that a command makes of decks and bores: it leaves them out and says so, or leaves them out
+where its report says so, or keeps them, as it knows them."""
 AFTER = 1.0
 """Time after which a terminal shows progress, s."""
 TICK = 0.2

@@ -146,7 +146,7 @@ class ColumnRows(NamedTuple):
         return rows
 
     def narrowed(self) -> ColumnRows:
-        """These rows with as many intervals as any point has, one at least."""
+        """Rows with as many intervals as any point has, one at least."""
         wide = max(1, int(self.held.max(initial=0)))
         return ColumnRows._make([self.held, *(one[:, :wide] for one in self.matrices)])
 
@@ -265,15 +265,6 @@ class Storeys:
         """Memory of the compiled storeys in bytes."""
         fields = sum(sheet.top.nbytes + sheet.face.nbytes for sheet in self.sheets)
         return fields + self.lattice.cells.nbytes
-
-    @property
-    def arrays(self) -> tuple[Any, ...]:
-        """All that decides columns over a ground."""
-        sheets = (
-            (sheet.is_bore, sheet.storeys, *sheet.top.arrays, sheet.faced, *sheet.face.arrays)
-            for sheet in self.sheets
-        )
-        return *self.table, *self.lattice, *sheets
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "field"}

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import msgspec
 import numpy as np
-from msgspec import UNSET, Meta, Raw, Struct, UnsetType, field, to_builtins
+from msgspec import UNSET, Meta, Raw, Struct, field, to_builtins
 from numpy.typing import ArrayLike, NDArray
 
 from terratool.definition.findings import Bounds
@@ -55,7 +55,7 @@ class TrackSummary(Struct, frozen=True):
 
 
 class StoreySummary(Struct, frozen=True):
-    """What stands over other ground, or is cut through it.
+    """Numbers of decks and bores.
 
     Attributes:
         decks: number of decks, those of parts and all copies counted.
@@ -156,7 +156,7 @@ class TerrainSummary(Document, frozen=True, kw_only=True):
         elements_by_surface: number of elements that wear each surface, their own, an inherited one
             or that of a class.
         smallest_cell: shortest side of an element's cell.
-        storeys: decks and bores; UNSET for none.
+        storeys: decks and bores.
         tracks: ruts of wheels.
         height: heights at points that were looked at: an even grid, nine in the cell of each
             element, and the numbers of grids of heights.
@@ -179,7 +179,7 @@ class TerrainSummary(Document, frozen=True, kw_only=True):
     elements_by_primitive: Mapping[str, Count]
     elements_by_surface: Mapping[str, Count]
     smallest_cell: Positive
-    storeys: StoreySummary | UnsetType = UNSET
+    storeys: StoreySummary
     tracks: TrackSummary
     height: HeightSummary
     roughness: list[RoughnessSummary]
@@ -214,7 +214,9 @@ def summarise(terrain: Terrain, imported: ImportedFrom | None = None) -> Terrain
         elements_by_primitive=terrain.count_by_primitive(),
         elements_by_surface=terrain.count_by_surface(),
         smallest_cell=min(one.smallest_cell for one in (terrain, *tops)),
-        storeys=UNSET if storeys is None else StoreySummary(storeys.decks, storeys.bores),
+        storeys=StoreySummary(0, 0)
+        if storeys is None
+        else StoreySummary(storeys.decks, storeys.bores),
         tracks=TrackSummary(
             terrain.tracks, len(tracks.segments), float(track_lengths(tracks).sum())
         ),

@@ -33,7 +33,7 @@ from terratool.field.records import CurveArrays, FieldArrays, align_arrays
 from terratool.field.sharing import Tally, compile_shared, refuse_piled
 from terratool.field.storeys import FIRST_STOREY, ColumnGround, ColumnRows, Storeys
 from terratool.field.tracks import without_tracks
-from terratool.field.types import OUTSIDE, Columns, PointSamples, points_of
+from terratool.field.types import OUTSIDE, PointColumns, PointSamples, points_of
 from terratool.kernels import field as kernels
 from terratool.report.numbers import coordinates
 from terratool.report.wording import hidden_storeys
@@ -272,11 +272,6 @@ class Terrain:
         """Flat arrays of the field."""
         return self._compiled.arrays
 
-    @property
-    def all_arrays(self) -> tuple[Any, ...]:
-        """Flat arrays of the ground, and of all that is in storeys."""
-        return *self.arrays, *(() if self.storeys is None else self.storeys.arrays)
-
     @cached_property
     def field(self) -> kernels.Field:
         """Flat arrays of the field, checked and kept by the kernels."""
@@ -414,7 +409,7 @@ class Terrain:
             heights[near] = np.where(np.isneginf(rows.bottom[:, 0]), rows.top[:, 0], np.nan)
         return heights.reshape(shape)[()]
 
-    def column(self, x: ArrayLike, y: ArrayLike) -> Columns:
+    def column(self, x: ArrayLike, y: ArrayLike) -> PointColumns:
         """All that is solid at points, as intervals of heights from below."""
         x, y, shape = _points(x, y)
         rows = self._columns(x, y)
@@ -427,7 +422,7 @@ class Terrain:
         def shaped(values: NDArray[Any]) -> NDArray[Any]:
             return values.reshape(*shape, *values.shape[1:])
 
-        return Columns(
+        return PointColumns(
             shaped(rows.bottom),
             shaped(rows.top),
             shaped(clear),

@@ -42,7 +42,7 @@ class PointSamples:
 
 
 @dataclass(frozen=True, slots=True)
-class Columns:
+class PointColumns:
     """All that is solid at points, as intervals of heights from below, (…, n) each.
 
     A point has the intervals that it has; what is left of its row is NaN, or -1. Intervals are

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -45,14 +45,24 @@ class Layer:
         self.heights, self.surfaces = heights[counts], surfaces[counts]
         self._corners = points[self.triangles]
         low, high = self._corners.min(axis=1), self._corners.max(axis=1)
+        none = np.full((1, 2), -1)
+        self._low = np.min(low if len(low) else none, axis=0)
+        self._high = np.max(high if len(high) else none, axis=0)
         self._tree = shapely.STRtree(shapely.box(*(low - 1.0).T, *(high + 1.0).T))
 
-    def find(self, points: Floats) -> NDArray[np.int32]:
-        """Index of the triangle that each point is in, (n,); -1 beside all."""
+    def find(self, points: Floats, geometries: NDArray[Any]) -> NDArray[np.int32]:
+        """Index of the triangle that each point is in, (n,); -1 beside all.
+
+        Args:
+            points: (n, 2) places on the lattice.
+            geometries: (n,) the same as points of shapely.
+        """
         found = np.full(len(points), -1, np.int32)
         if not len(self.triangles):
             return found
-        point, triangle = self._tree.query(shapely.points(points))
+        near = np.flatnonzero((points >= self._low).all(axis=1) & (points <= self._high).all(axis=1))
+        point, triangle = self._tree.query(geometries[near])
+        point = near[point]
         corners = self._corners[triangle].astype(np.float64)
         a, side = corners, np.roll(corners, -1, axis=1) - corners
         to = points[point][:, None] - a
@@ -120,7 +130,8 @@ class Overlay(NamedTuple):
 
         def keys_of(points: Ints, triangles: NDArray[np.int32]) -> Ints:
             middles = points[triangles].mean(axis=1)
-            places[:] = [layer.find(middles) for layer in layers]
+            geometries = shapely.points(middles)
+            places[:] = [layer.find(middles, geometries) for layer in layers]
             return hash_rows(np.column_stack(places))
 
         plane, _ = triangulate(segments, bounds, keys_of, NO_SEAMS)

@@ -14,6 +14,7 @@ from __future__ import annotations
 from terratool.definition.rules import (  # noqa: F401, importing them registers their rules
     curricula,
     curves,
+    decks,
     files,
     free,
     grids,
@@ -29,6 +30,7 @@ from terratool.definition.rules import (  # noqa: F401, importing them registers
     sensors,
     shapes,
     steps,
+    storeys,
     surfaces,
     tracks,
     trimming,

@@ -185,7 +185,19 @@ def _is_one_field(old: DiffSide, new: DiffSide) -> bool:
         for side in (old, new)
     )
     first, second = surfaces
-    return bool(first == second) and _equal(before.all_arrays, after.all_arrays)
+    return bool(first == second) and _equal(_arrays_of(before), _arrays_of(after))
+
+
+def _arrays_of(terrain: Terrain) -> tuple[Any, ...]:
+    """All that makes the ground of a terrain, and its decks and bores."""
+    storeys = terrain.storeys
+    if storeys is None:
+        return tuple(terrain.arrays)
+    return (
+        *terrain.arrays, *storeys.table,
+        *((sheet.is_bore, sheet.top.surfaces, sheet.storeys, sheet.faced, *sheet.top.arrays,
+           *sheet.face.arrays) for sheet in storeys.sheets),
+    )  # fmt: skip
 
 
 def _equal(one: Any, other: Any) -> bool:
