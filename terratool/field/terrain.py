@@ -257,15 +257,12 @@ class Terrain:
         return self.ground_alone
 
     @cached_property
-    def _bare(self) -> Terrain:
+    def bare(self) -> Terrain:
         """The ground without ruts and reliefs."""
         if not self.tracks and not self.is_rough:
             return self.ground_alone
         arrays = without_tracks(self.arrays)
-        arrays = arrays._replace(reliefs=arrays.reliefs[:0])
-        other = copy(self.ground_alone)
-        other._compiled = self._compiled._replace(arrays=arrays)
-        return other
+        return self.ground_alone.with_arrays(arrays._replace(reliefs=arrays.reliefs[:0]))
 
     @property
     def arrays(self) -> FieldArrays:
@@ -291,8 +288,12 @@ class Terrain:
 
     def with_curves(self, curves: CurveArrays) -> Self:
         """Return this terrain with other curves, which its parts have if they are written out."""
+        return self.with_arrays(self.arrays._replace(curves=curves))
+
+    def with_arrays(self, arrays: FieldArrays) -> Self:
+        """Return this terrain with other arrays of its field, if its parts are written out."""
         other = copy(self)
-        other._compiled = self._compiled._replace(arrays=self.arrays._replace(curves=curves))
+        other._compiled = self._compiled._replace(arrays=arrays)
         return other
 
     @property
@@ -436,7 +437,7 @@ class Terrain:
         """Columns at points, (n,) each."""
         if self.storeys is None:
             return ColumnRows.of_ground(ColumnGround(*self._samples(x, y)))
-        ground = ColumnGround(*self._bare._samples(x, y))
+        ground = ColumnGround(*self.bare._samples(x, y))
         return self.storeys.columns(self, x, y, ground)
 
     def surface(self, x: ArrayLike, y: ArrayLike) -> Any:

@@ -43,17 +43,31 @@ def compile_tracks(definition: Definition, bounds: Floats) -> TrackArrays:
 def without_tracks(arrays: FieldArrays) -> FieldArrays:
     """Return the arrays of a field without its tracks."""
     tracks = arrays.tracks
-    none = TrackArrays(
-        segments=tracks.segments[:0],
-        first=tracks.first[:1],
-        passes=tracks.passes[:0],
-        power=tracks.power[:0],
-        surface=tracks.surface[:0],
-        law=tracks.law[:0],
-        depths=tracks.depths[:0],
-        **_track_index(tracks.segments[:0], arrays.bounds)._asdict(),
-    )
+    none = only_segments(tracks, tracks.segments[:0], arrays.bounds)
     return arrays._replace(tracks=none)
+
+
+def only_segments(tracks: TrackArrays, segments: NDArray[Any], bounds: Floats) -> TrackArrays:
+    """Return the tracks with some segments in place of all.
+
+    Args:
+        tracks: the tracks.
+        segments: SEGMENT in the order of their tracks; tracks without any are left out.
+        bounds: (4,) west, south, east, north of the terrain.
+    """
+    kept, number, counts = np.unique(segments["track"], return_inverse=True, return_counts=True)
+    segments = segments.copy()
+    segments["track"] = number
+    return TrackArrays(
+        segments=segments,
+        first=np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32),
+        passes=tracks.passes[kept],
+        power=tracks.power[kept],
+        surface=tracks.surface[kept],
+        law=tracks.law[kept],
+        depths=tracks.depths,
+        **_track_index(segments, bounds)._asdict(),
+    )
 
 
 def track_lengths(tracks: TrackArrays) -> Floats:

@@ -214,14 +214,7 @@ def assemble(
         base = None
     if base is not None:
         lowest, highest = float(heights[ground].min()), float(heights[ground].max())
-        if base == "below":
-            base = base_below(lowest, highest, plan.pitch * float(plan.bounds.max()))
-        if not -np.inf < base < lowest - plan.rounding:
-            raise RequestError(
-                f"The base at {base:g} is not below the lowest ground of the mesh, which is at"
-                f" {lowest:g}.",
-                "Give a base that is lower.",
-            )
+        base = base_height(base, lowest, highest, plan)
         # edges where the ground ends, at the hull or at the void: triangle, and which of its edges
         ends = ground[:, None] & ((neighbours < 0) | ~ground[neighbours])
         outer = np.argwhere(ends).astype(np.int32, order="C")
@@ -278,6 +271,31 @@ def mesh_of(
         colors=np.array(colors, np.uint8).reshape(-1, 3),
         frictions=np.array([friction_of(one) for one in types], np.float64),
     )
+
+
+def base_height(
+    base: float | Literal["below"], lowest: float, highest: float, plan: MeshPlan
+) -> float:
+    """Height of the base of a solid, as in `build`.
+
+    Args:
+        base: what is asked for.
+        lowest: lowest height of the mesh, in units of the terrain.
+        highest: highest height of the mesh.
+        plan: plan of the terrain.
+
+    Raises:
+        RequestError: the base does not lie below all ground.
+    """
+    if base == "below":
+        return base_below(lowest, highest, plan.pitch * float(plan.bounds.max()))
+    if not -np.inf < base < lowest - plan.rounding:
+        raise RequestError(
+            f"The base at {base:g} is not below the lowest ground of the mesh, which is at"
+            f" {lowest:g}.",
+            "Give a base that is lower.",
+        )
+    return base
 
 
 def base_below(lowest: float, highest: float, side: float) -> float:

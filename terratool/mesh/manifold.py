@@ -128,9 +128,7 @@ def _with_fans(mesh: Manifold, pairs: Longs) -> Manifold:
     number[new] = count + np.arange(len(new))
     out = vertex_of.copy()
     out[corners] = number[fan]
-    return Manifold(
-        np.concatenate([vertices, vertices[vertex[new]]]), out.reshape(-1, 3), owners
-    )
+    return Manifold(np.concatenate([vertices, vertices[vertex[new]]]), out.reshape(-1, 3), owners)
 
 
 def _halved(mesh: Manifold, pairs: Longs) -> Manifold:

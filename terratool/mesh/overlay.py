@@ -60,7 +60,9 @@ class Layer:
         found = np.full(len(points), -1, np.int32)
         if not len(self.triangles):
             return found
-        near = np.flatnonzero((points >= self._low).all(axis=1) & (points <= self._high).all(axis=1))
+        near = np.flatnonzero(
+            (points >= self._low).all(axis=1) & (points <= self._high).all(axis=1)
+        )
         point, triangle = self._tree.query(geometries[near])
         point = near[point]
         corners = self._corners[triangle].astype(np.float64)
@@ -117,12 +119,12 @@ class Overlay(NamedTuple):
 
     @classmethod
     def of(cls, layers: list[Layer], bounds: Ints, segments: Ints | None = None) -> Overlay:
-        """Overlay of layers in a rectangle, along other segments than their sides if some are given.
+        """Overlay of layers in a rectangle, along their sides or other segments.
 
         Args:
             layers: the layers.
             bounds: west, south, east, north on the lattice.
-            segments: (n, 4) int64 x, y, x, y on the lattice.
+            segments: (n, 4) int64 x, y, x, y on the lattice; the sides if None.
         """
         if segments is None:
             segments = np.concatenate([layer.edges for layer in layers])
@@ -237,9 +239,7 @@ def crossings(
     swapped = begins != low
     d0, d1 = np.where(swapped, there, here), np.where(swapped, here, there)
     share = (d0 / (d0 - d1))[:, None]
-    return np.asarray(
-        np.rint(points[low] + share * (points[high] - points[low])).astype(np.int64)
-    )
+    return np.asarray(np.rint(points[low] + share * (points[high] - points[low])).astype(np.int64))
 
 
 def split(points: Ints, sides: Ints, kept: Ints, cuts: Cuts) -> Ints:

@@ -1,4 +1,4 @@
-"""Meshes of terrains with storeys: one triangulation of the plane with a stack over each triangle."""
+"""Meshes of terrains with storeys: one triangulation of the plane, stacks over its triangles."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
-from terratool.errors import RequestError
-from terratool.field.storeys import Sheet, StoreyTable
+from terratool.field.storeys import Sheet, Storeys
 from terratool.field.terrain import Terrain
 from terratool.kernels import mesh as kernels
-from terratool.mesh.build import FineMesh, base_below, base_of, build, fine_mesh, mesh_of
+from terratool.mesh.build import FineMesh, base_height, base_of, build, fine_mesh, mesh_of
 from terratool.mesh.manifold import separate
-from terratool.mesh.overlay import Layer, Overlay, cuts_of, hash_rows, sides_of, split
-from terratool.mesh.stacks import BELOW, GROUND, NONE, Stacks, stacks_of
-from terratool.mesh.strips import Sides, raise_sides
-from terratool.mesh.types import BuiltMesh, MeshPlan, PlanLoss, RegionMesh
+from terratool.mesh.overlay import Layer, Overlay, cuts_of, sides_of, split
+from terratool.mesh.stacks import BELOW, NONE, Stacks, stacks_of
+from terratool.mesh.strips import Sides, Walls, raise_sides
+from terratool.mesh.tops import seen_tops
+from terratool.mesh.types import BuiltMesh, MeshPlan, MeshStoreys, PlanLoss, RegionMesh
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -34,37 +34,109 @@ def build_all(
 ) -> BuiltMesh:
     """Mesh a terrain with its storeys; see `build` for arguments and errors.
 
-    The mesh is the boundary of what is solid: the tops, undersides and sides of all intervals of
-    the columns. Where decks dip into the ground or into each other, and where bores come to the
-    light, the mesh is cut along the line where their surfaces meet.
+    The mesh is the boundary of what is solid: tops, undersides and sides of all intervals of the
+    columns. Where decks dip into the ground or into each other, and where bores come to the light,
+    it is cut along the lines where their surfaces meet. Sides of what stands over a gap are always
+    closed, and every edge of a solid has two faces.
     """
     if terrain.storeys is None:
         return build(terrain, max_error, bounds, least, base)
-    ground = fine_mesh(terrain.ground_alone, max_error, bounds, least)
-    layers = [_ground_layer(ground.parts)]
-    loss, error = ground.loss, ground.error
-    for sheet in terrain.storeys.sheets:
-        top = fine_mesh(sheet.top, max_error, bounds)
-        face = fine_mesh(sheet.face, max_error, bounds)
-        error = max(error, top.error, face.error)
-        loss = _join(_join(loss, top.loss), face.loss)
-        layers += _sheet_layers(sheet, terrain.storeys.table, top.parts, face.parts)
-    plan = ground.plan
-    bores = np.array([sheet.is_bore for sheet in terrain.storeys.sheets])
-    mesher = _Mesher(terrain, plan, layers, bores)
-    return mesher.mesh(error, loss, base)
+    layers = _layers(terrain, terrain.storeys, max_error, bounds, least)
+    columns = _columns(layers, _cut(layers, Overlay.of(layers.all, layers.bounds)))
+    return _raise(terrain, terrain.storeys, layers, columns, base)
 
 
-def _join(one: PlanLoss, other: PlanLoss) -> PlanLoss:
-    return one._replace(
-        wall_offset=max(one.wall_offset, other.wall_offset), small=one.small + other.small
-    )
+# --- layers: the meshes of ground and sheets ------------------------------------------------------
+
+
+class _Layers(NamedTuple):
+    """Meshes of the ground and of the sheets, on one lattice.
+
+    Attributes:
+        all: those that decide what is solid, in the order of the ends of stacks, then others.
+        ends: number of the first ones.
+        low: index of the layer that shows the top of something solid from below, for each end.
+        high: index of the layer that shows the top of what stands over a gap, for each end.
+        bores: for each sheet whether it has bores.
+        plan: plan of the ground.
+        loss: loss of all.
+        error: bound of the error of all heights.
+    """
+
+    all: list[Layer]
+    ends: int
+    low: Longs
+    high: Longs
+    bores: Bools
+    plan: MeshPlan
+    loss: PlanLoss
+    error: float
+
+    @property
+    def bounds(self) -> Longs:
+        """West, south, east, north of the mesh on the lattice."""
+        return self.plan.bounds.astype(np.int64)
+
+
+def _layers(
+    terrain: Terrain, storeys: Storeys, max_error: float, bounds: Bounds | None, least: float
+) -> _Layers:
+    known: dict[int, FineMesh] = {}
+
+    def fine(one: Terrain, least: float = 0.0) -> FineMesh:
+        if id(one) not in known:
+            known[id(one)] = fine_mesh(one, max_error, bounds, least)
+        return known[id(one)]
+
+    seen = seen_tops(terrain, storeys)
+    ground = fine(seen.ground, least)
+    bare = terrain.bare if terrain.tracks or terrain.is_rough else seen.ground
+    found = [_ground_layer(fine(bare, least).parts)]
+    for sheet in storeys.sheets:
+        found.append(_top_layer(sheet, fine(sheet.top).parts))
+        found.append(_face_layer(sheet, storeys, fine(sheet.face).parts))
+    ends = len(found)
+    low, high = np.arange(ends), np.arange(ends)
+    if bare is not seen.ground:
+        low[0], high[0] = ends, ends
+        found.append(_ground_layer(ground.parts))
+        for k, sheet in enumerate(storeys.sheets):
+            for shown, top in ((low, seen.low[k]), (high, seen.high[k])):
+                shown[2 * k + 1] = len(found)
+                found.append(_top_layer(sheet, fine(top).parts))
+    loss = ground.loss
+    for one in known.values():
+        if one is not ground:
+            loss = loss._replace(wall_offset=max(loss.wall_offset, one.loss.wall_offset))
+    for sheet in storeys.sheets:  # what is too small is so in all meshes
+        loss = loss._replace(small=loss.small + fine(sheet.top).loss.small)
+    return _Layers(
+        found, ends, low, high, np.array([sheet.is_bore for sheet in storeys.sheets]),
+        ground.plan, loss, max(one.error for one in known.values()),
+    )  # fmt: skip
 
 
 def _ground_layer(parts: RegionMesh) -> Layer:
     solid = ~parts.regions.voids[parts.region_of]
     surfaces = parts.regions.surfaces[parts.region_of]
     return Layer(parts.triangulation, solid, parts.heights, surfaces)
+
+
+def _top_layer(sheet: Sheet, parts: RegionMesh) -> Layer:
+    """Layer of the tops of storeys; the heights of void ones are NaN."""
+    voids = parts.regions.voids[parts.region_of]
+    heights = np.where(voids[:, None], np.nan, parts.heights)
+    surfaces = parts.regions.surfaces[parts.region_of]
+    return Layer(parts.triangulation, _storey_of(parts, sheet.storeys) >= 0, heights, surfaces)
+
+
+def _face_layer(sheet: Sheet, storeys: Storeys, parts: RegionMesh) -> Layer:
+    """Layer of the other faces of storeys."""
+    storey = _storey_of(parts, sheet.faced)
+    there = (storey >= 0) & ~parts.regions.voids[parts.region_of]
+    gaps = np.nan_to_num(storeys.table.gaps)[storey][:, None]
+    heights = parts.heights + (gaps if sheet.is_bore else -gaps)
+    return Layer(parts.triangulation, there, heights, storeys.table.surface[storey])
 
 
 def _storey_of(parts: RegionMesh, storeys: Ints) -> Ints:
@@ -76,177 +148,205 @@ def _storey_of(parts: RegionMesh, storeys: Ints) -> Ints:
     return found[parts.region_of]
 
 
-def _sheet_layers(
-    sheet: Sheet, table: StoreyTable, top: RegionMesh, face: RegionMesh
-) -> tuple[Layer, Layer]:
-    """Layers of the tops and the other faces; void tops have NaN for heights."""
-    storey = _storey_of(top, sheet.storeys)
-    heights = np.where(top.regions.voids[top.region_of][:, None], np.nan, top.heights)
-    surfaces = top.regions.surfaces[top.region_of]
-    tops = Layer(top.triangulation, storey >= 0, heights, surfaces)
-    storey = _storey_of(face, sheet.faced)
-    there = (storey >= 0) & ~face.regions.voids[face.region_of]
-    gaps = np.nan_to_num(table.gaps)[storey][:, None]
-    heights = face.heights + (gaps if sheet.is_bore else -gaps)
-    return tops, Layer(face.triangulation, there, heights, table.surface[storey])
+# --- columns over the triangles of an overlay -----------------------------------------------------
 
 
 class _Columns(NamedTuple):
-    """Triangles with all surfaces over them, (n, ends, 3) heights at corners, NaN for none."""
+    """Intervals over the triangles of an overlay, i at most.
+
+    Attributes:
+        overlay: the triangles.
+        stacks: what the intervals begin and end with.
+        shown: (m, i) int64 layer that shows each top.
+        low: (m, i, 3) heights of the bottoms at the corners; NaN for none.
+        high: (m, i, 3) heights of the tops at the corners; NaN for none.
+    """
 
     overlay: Overlay
-    z: Floats
-    voids: Bools
+    stacks: Stacks
+    shown: Longs
+    low: Floats
+    high: Floats
 
 
-class _Mesher:
-    def __init__(
-        self, terrain: Terrain, plan: MeshPlan, layers: list[Layer], bores: Bools
-    ) -> None:
-        self._terrain, self._plan, self._layers, self._bores = terrain, plan, layers, bores
-        self._count = len(terrain.surfaces)
-        self._bounds = plan.bounds.astype(np.int64)
+def _heights(layers: _Layers, overlay: Overlay, which: list[int] | range) -> Floats:
+    """Heights of layers at the corners of triangles, (m, k, 3); NaN where there is none.
 
-    def _columns(self, overlay: Overlay) -> _Columns:
-        corners = overlay.corners
-        found = overlay.found.astype(np.int64)
-        z = np.stack(
-            [layer.heights_at(found[:, k], corners) for k, layer in enumerate(self._layers)], axis=1
-        )
-        both = (found[:, 1::2] >= 0) & (found[:, 2::2] >= 0)
-        voids = both & np.isnan(z[:, 1::2, 0])
-        for k in (1, 2):
-            z[:, k::2][~both] = np.nan
-        return _Columns(overlay, z, voids)
-
-    def _stacks(self, columns: _Columns) -> Stacks:
-        middle = columns.z.mean(axis=2)
-        return stacks_of(middle, columns.voids, self._bores, self._plan.tolerance)
-
-    def _cut(self, columns: _Columns) -> Overlay:
-        """Overlay that is cut where surfaces cross, too."""
-        plane = columns.overlay.plane
-        near = (columns.overlay.found[:, 1:] >= 0).any(axis=1)
-        if not near.any():
-            return columns.overlay
-        sides, own = sides_of(plane.triangles, len(plane.points))
-        which = np.flatnonzero(near)
-        cuts = cuts_of(plane, sides, own, which, columns.z[which], self._plan.tolerance)
-        cuts = self._with_jumps(columns, sides, own, cuts)
-        t, c = columns.overlay.borders()
-        segments = split(plane.points, sides, own[t, c], cuts)
-        return Overlay.of(self._layers, self._bounds, segments)
-
-    def _with_jumps(self, columns, sides, own, cuts):
-        return cuts
-
-    def mesh(
-        self, error: float, loss: PlanLoss, base: float | Literal["below"] | None
-    ) -> BuiltMesh:
-        plan = self._plan
-        columns = self._columns(Overlay.of(self._layers, self._bounds))
-        columns = self._columns(self._cut(columns))
-        stacks = self._stacks(columns)
-        plane = columns.overlay.plane
-        ends = [_heights_of(columns.z, one) for one in stacks]
-        # from below, no end is lower than the one before it
-        z = np.empty((len(ends[0]), 2 * stacks.tops.shape[1], 3))
-        z[:, ::2], z[:, 1::2] = ends
-        z = np.fmax.accumulate(z, axis=1)
-        lower, upper = z[:, ::2], z[:, 1::2]
-        bottoms, tops = np.argwhere(stacks.bottoms >= 0), np.argwhere(stacks.tops >= 0)
-        faced = np.concatenate([bottoms, tops])
-        heights = np.concatenate([lower[tuple(bottoms.T)], upper[tuple(tops.T)]])
-        grounded = stacks.grounded
-        outer = np.argwhere(
-            grounded[:, None] & ((plane.neighbours < 0) | ~grounded[plane.neighbours])
-        )
-        if not len(heights):
-            base = None
-        on_boundary = np.zeros(len(plane.points), np.bool_)
-        edges = np.empty((0, 2), np.int32)
-        if base is not None:
-            base = self._base(base, heights)
-            t, c = outer.T
-            edges = np.column_stack([plane.triangles[t, c], plane.triangles[t, (c + 1) % 3]])
-            on_boundary[edges] = True
-        found = kernels.find_levels(
-            plane.triangles[faced[:, 0]], heights, np.ones(len(faced), np.bool_), on_boundary,
-            base or 0.0, plan.tolerance,
-        )  # fmt: skip
-        levels, begins = found["levels"], found["begins"]
-        low, high = np.full((2, *stacks.tops.shape, 3), NONE, np.int32)
-        low[tuple(bottoms.T)] = found["corners"][: len(bottoms)]
-        high[tuple(tops.T)] = found["corners"][len(bottoms) :]
-        low[stacks.bottoms == BELOW] = BELOW
-        bottom_surfaces, top_surfaces = (self._surfaces(columns.overlay, one) for one in stacks)
-        below = np.argwhere((low[..., 0] >= 0) & (low != high).any(axis=2))
-        shown = np.concatenate([high[stacks.tops >= 0], low[tuple(below.T)][:, ::-1]])
-        surfaces = np.concatenate(
-            [top_surfaces[stacks.tops >= 0], bottom_surfaces[tuple(below.T)]]
-        )
-        walls = raise_sides(Sides(plane, stacks, low, high, begins, levels, base is not None))
-        wall_surfaces = self._wall_surfaces(columns.overlay, stacks, top_surfaces, walls)
-        floor = np.empty((0, 3), np.int32)
-        if base is not None:
-            floor = begins[base_of(plane.points, edges)].astype(np.int32)[:, ::-1]
-        faces = np.concatenate([shown, walls.faces, floor]).astype(np.int32)
-        place = np.repeat(np.arange(len(plane.points)), np.diff(begins))
-        vertices = np.column_stack([plane.points[place] * plan.pitch, levels])
-        surfaces = np.concatenate([surfaces, wall_surfaces, np.full(len(floor), -1)])
-        # tops, undersides and walls, and then what closes a solid
-        rank = np.repeat([0, 1, 2], [len(shown), len(walls.faces), len(floor)])
-        last = np.concatenate([np.zeros(len(shown)), walls.outer, np.ones(len(floor))])
-        found_faces = separate(vertices, faces)
-        order = found_faces.owners[np.argsort(last[found_faces.owners], kind="stable")]
-        mesh = mesh_of(
-            self._terrain, plan,
-            vertices=found_faces.vertices,
-            faces=found_faces.faces[np.argsort(last[found_faces.owners], kind="stable")],
-            surfaces=surfaces[order].astype(np.int32),
-            walls=rank[order] == 1,
-        )  # fmt: skip
-        shell = int((last[order] == 0).sum())
-        return BuiltMesh(mesh, shell, error + found["moved"], loss)
-
-    def _base(self, base: float | Literal["below"], heights: Floats) -> float:
-        lowest, highest = float(heights.min()), float(heights.max())
-        if base == "below":
-            return base_below(lowest, highest, self._plan.pitch * float(self._plan.bounds.max()))
-        if not -np.inf < base < lowest - self._plan.rounding:
-            raise RequestError(
-                f"The base at {base:g} is not below the lowest ground of the mesh, which is at"
-                f" {lowest:g}.",
-                "Give a base that is lower.",
-            )
-        return base
-
-    def _surfaces(self, overlay: Overlay, ends: Ints) -> Ints:
-        """Surface of each of the ends of intervals, (n, i); -1 for none."""
-        out = np.full(ends.shape, -1, np.int32)
-        for k, layer in enumerate(self._layers):
-            at = np.argwhere(ends == k)
-            out[tuple(at.T)] = layer.surfaces[overlay.found[at[:, 0], k]]
-        out[out >= self._count] = -1
-        return out
-
-    def _wall_surfaces(self, overlay, stacks, top_surfaces, walls) -> Ints:
-        out = top_surfaces[walls.owner, walls.interval]
-        # what looks into a bore wears the surface of the bore
-        empty, under = walls.empty, walls.under
-        there = np.flatnonzero((empty >= 0) & (under >= 0))
-        end = stacks.tops[empty[there], under[there]]
-        sheet = (end - 1) // 2
-        bore = (end > GROUND) & self._bores[np.maximum(sheet, 0)]
-        bore &= stacks.tops[walls.owner[there], walls.interval[there]] != end
-        for k in np.unique(sheet[bore]).tolist():
-            at = there[bore & (sheet == k)]
-            layer = self._layers[2 * k + 2]
-            out[at] = layer.surfaces[overlay.found[empty[at], 2 * k + 2]]
-        return out
+    A storey is where both of its faces are.
+    """
+    corners, found = overlay.corners, overlay.found.astype(np.int64)
+    z = np.empty((len(found), len(which), 3))
+    for place, k in enumerate(which):
+        z[:, place] = layers.all[k].heights_at(found[:, k], corners)
+    return z
 
 
-def _heights_of(z: Floats, ends: Ints) -> Floats:
-    """Heights of the ends of intervals at the corners of triangles, (n, i, 3)."""
-    own = np.take_along_axis(z, np.maximum(ends, 0)[..., None].astype(np.int64), axis=1)
-    return np.where((ends >= 0)[..., None], own, np.nan)
+def _storeys_at(layers: _Layers, found: Ints) -> Bools:
+    """Whether triangles are in the footprints of storeys of each sheet, (m, s)."""
+    return np.asarray((found[:, 1 : layers.ends : 2] >= 0) & (found[:, 2 : layers.ends : 2] >= 0))
+
+
+def _ends(layers: _Layers, overlay: Overlay) -> tuple[Floats, Bools]:
+    """Heights of all ends at the corners, and whether the top of a storey is void, (m, s)."""
+    z = _heights(layers, overlay, range(layers.ends))
+    there = _storeys_at(layers, overlay.found)
+    voids = there & np.isnan(z[:, 1::2, 0])
+    z[:, 1::2][~there] = np.nan
+    z[:, 2::2][~there] = np.nan
+    return z, voids
+
+
+def _cut(layers: _Layers, overlay: Overlay) -> Overlay:
+    """Overlay that is cut where surfaces cross, too."""
+    plane = overlay.plane
+    near = np.flatnonzero(_storeys_at(layers, overlay.found).any(axis=1))
+    if not len(near):
+        return overlay
+    sides, own = sides_of(plane.triangles, len(plane.points))
+    z, _ = _ends(layers, overlay)
+    cuts = cuts_of(plane, sides, own, near, z[near], layers.plan.tolerance)
+    t, c = overlay.borders()
+    return Overlay.of(layers.all, layers.bounds, split(plane.points, sides, own[t, c], cuts))
+
+
+def _columns(layers: _Layers, overlay: Overlay) -> _Columns:
+    z, voids = _ends(layers, overlay)
+    stacks = stacks_of(z.mean(axis=2), voids, layers.bores, layers.plan.tolerance)
+    bottoms, tops = stacks
+    low = np.where(
+        (bottoms >= 0)[..., None],
+        np.take_along_axis(z, np.maximum(bottoms, 0)[..., None].astype(np.int64), axis=1), np.nan,
+    )  # fmt: skip
+    high = np.where(
+        (tops >= 0)[..., None],
+        np.take_along_axis(z, np.maximum(tops, 0)[..., None].astype(np.int64), axis=1), np.nan,
+    )  # fmt: skip
+    shown = np.where(bottoms == BELOW, layers.low[tops], layers.high[tops])
+    corners = overlay.corners
+    for k in range(layers.ends, len(layers.all)):
+        row, interval = np.nonzero((shown == k) & (tops >= 0))
+        found = overlay.found[row, k].astype(np.int64)
+        own = layers.all[k].heights_at(found, corners[row])
+        there = ~np.isnan(own[:, 0])
+        high[row[there], interval[there]] = own[there]
+        missing = ~there
+        shown[row[missing], interval[missing]] = tops[row[missing], interval[missing]]
+    # from below, no end is lower than the one before it
+    both = np.stack([low, high], axis=2).reshape(len(low), -1, 3)
+    both = np.fmax.accumulate(both, axis=1).reshape(*high.shape[:2], 2, 3)
+    low, high = (np.where(np.isnan(one), np.nan, both[:, :, k]) for k, one in ((0, low), (1, high)))
+    return _Columns(overlay, stacks, shown, low, high)
+
+
+# --- faces ----------------------------------------------------------------------------------------
+
+
+def _raise(
+    terrain: Terrain,
+    storeys: Storeys,
+    layers: _Layers,
+    columns: _Columns,
+    base: float | Literal["below"] | None,
+) -> BuiltMesh:
+    """Mesh of columns: tops, undersides and sides of their intervals, and the base of a solid."""
+    plan, plane, stacks = layers.plan, columns.overlay.plane, columns.stacks
+    tops, bottoms = np.argwhere(stacks.tops >= 0), np.argwhere(stacks.bottoms >= 0)
+    heights = np.concatenate([columns.high[tuple(tops.T)], columns.low[tuple(bottoms.T)]])
+    edges = np.empty((0, 2), np.int32)
+    on_boundary = np.zeros(len(plane.points), np.bool_)
+    if base is not None and len(heights):
+        base = base_height(base, float(heights.min()), float(heights.max()), plan)
+        t, c = _rim(columns)
+        edges = np.column_stack([plane.triangles[t, c], plane.triangles[t, (c + 1) % 3]])
+        on_boundary[edges] = True
+    found = kernels.find_levels(
+        np.concatenate([plane.triangles[tops[:, 0]], plane.triangles[bottoms[:, 0]]]),
+        heights, np.ones(len(heights), np.bool_), on_boundary,
+        base if isinstance(base, float) else 0.0, plan.tolerance,
+    )  # fmt: skip
+    begins, levels = found["begins"], found["levels"]
+    low, high = np.full((2, *stacks.tops.shape, 3), NONE, np.int32)
+    high[tuple(tops.T)], low[tuple(bottoms.T)] = np.split(found["corners"], [len(tops)])
+    low[stacks.bottoms == BELOW] = BELOW
+
+    thick = (low != high).any(axis=2)  # others are two faces in one place
+    tops, bottoms = tops[thick[tuple(tops.T)]], bottoms[thick[tuple(bottoms.T)]]
+    walls = raise_sides(Sides(plane, stacks, low, high, begins, levels, base is not None))
+    floor = begins[base_of(plane.points, edges)].astype(np.int32)
+    faces = np.concatenate(
+        [high[tuple(tops.T)], low[tuple(bottoms.T)][:, ::-1], walls.faces, floor[:, ::-1]]
+    )
+    surfaces = np.concatenate(
+        [
+            _surfaces(layers, columns, columns.shown, tops),
+            _surfaces(layers, columns, stacks.bottoms, bottoms),
+            _wall_surfaces(layers, columns, walls),
+            np.full(len(floor), -1, np.int32),
+        ]
+    )
+    surfaces[surfaces >= len(terrain.surfaces)] = -1
+    level = len(tops) + len(bottoms)
+    outer = np.concatenate([np.zeros(level), walls.outer, np.ones(len(floor))])
+    upright = np.repeat([False, True, False], [level, len(walls.faces), len(floor)])
+
+    place = np.repeat(np.arange(len(plane.points)), np.diff(begins))
+    apart = separate(np.column_stack([plane.points[place] * plan.pitch, levels]), faces)
+    order = np.argsort(outer[apart.owners], kind="stable")
+    own = apart.owners[order]
+    mesh = mesh_of(
+        terrain, plan, vertices=apart.vertices, faces=apart.faces[order], surfaces=surfaces[own],
+        walls=upright[own],
+    )  # fmt: skip
+    return BuiltMesh(
+        mesh,
+        int((outer[own] == 0).sum()),
+        layers.error + found["moved"],
+        layers.loss,
+        _summary(storeys, layers, columns),
+    )
+
+
+def _rim(columns: _Columns) -> tuple[Longs, Longs]:
+    """Sides of triangles where what is solid from below ends: the triangle, and the corner."""
+    grounded, neighbours = columns.stacks.grounded, columns.overlay.plane.neighbours
+    t, c = np.nonzero(grounded[:, None] & ((neighbours < 0) | ~grounded[neighbours]))
+    return t, c
+
+
+def _surfaces(layers: _Layers, columns: _Columns, ends: NDArray[np.integer], which: Longs) -> Ints:
+    """Surface of some ends of intervals, (n,), by their layers and triangle and interval."""
+    out = np.full(len(which), -1, np.int32)
+    layer_of = ends[tuple(which.T)]
+    for k in np.unique(layer_of).tolist():
+        own = np.flatnonzero(layer_of == k)
+        out[own] = layers.all[k].surfaces[columns.overlay.found[which[own, 0], k]]
+    return out
+
+
+def _wall_surfaces(layers: _Layers, columns: _Columns, walls: Walls) -> Ints:
+    """Surfaces of walls: those of the tops of what they are sides of, but of a bore within it."""
+    out = _surfaces(layers, columns, columns.shown, np.column_stack([walls.owner, walls.interval]))
+    tops = columns.stacks.tops
+    there = np.flatnonzero((walls.empty >= 0) & (walls.under >= 0))
+    end = tops[walls.empty[there], walls.under[there]]
+    within = (end > 0) & layers.bores[np.maximum(end - 1, 0) // 2]
+    within &= tops[walls.owner[there], walls.interval[there]] != end
+    faces = np.where(within, end + 1, -1)
+    for k in np.unique(faces[within]).tolist():
+        own = there[faces == k]
+        out[own] = layers.all[k].surfaces[columns.overlay.found[walls.empty[own], k]]
+    return out
+
+
+def _summary(storeys: Storeys, layers: _Layers, columns: _Columns) -> MeshStoreys:
+    over = columns.stacks.bottoms >= 0
+    thick = np.where(over, (columns.high - columns.low).mean(axis=2), 0.0)
+    a, b, c = np.moveaxis(columns.overlay.corners * layers.plan.pitch, 1, 0)
+    u, v = b - a, c - a
+    area = 0.5 * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+    return MeshStoreys(
+        storeys.decks,
+        storeys.bores,
+        float(area[over.any(axis=1)].sum()),
+        float((area * thick.sum(axis=1)).sum()),
+    )

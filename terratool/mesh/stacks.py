@@ -1,4 +1,4 @@
-"""What is solid over triangles, as stacks of intervals between the surfaces of ground and storeys."""
+"""What is solid over triangles: stacks of intervals between surfaces of ground and storeys."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Bools = NDArray[np.bool_]
 Ints = NDArray[np.int32]
 
 GROUND = 0
-"""End of an interval that is the ground. Top and other face of the sheet k are 2k + 1 and 2k + 2."""
+"""End of an interval that is the ground; top and other face of sheet k are 2k + 1 and 2k + 2."""
 BELOW = -1
 """Bottom of an interval that begins below all."""
 NONE = -2
@@ -69,9 +69,10 @@ def stacks_of(z: Floats, voids: Bools, bores: Bools, tolerance: float) -> Stacks
         at = rows[here]
         low, high = low[here], high[here]
         before = solid[at]
-        below, above = before[np.arange(len(at)), np.maximum(low - 1, 0)] & (low > 0), before[
-            np.arange(len(at)), high
-        ]
+        below, above = (
+            before[np.arange(len(at)), np.maximum(low - 1, 0)] & (low > 0),
+            before[np.arange(len(at)), high],
+        )
         within = (levels >= low[:, None]) & (levels < high[:, None])
         if is_bore:
             solid[at] = before & ~within
