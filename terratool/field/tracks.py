@@ -52,15 +52,19 @@ def only_segments(tracks: TrackArrays, segments: NDArray[Any], bounds: Floats) -
 
     Args:
         tracks: the tracks.
-        segments: SEGMENT in the order of their tracks; tracks without any are left out.
+        segments: SEGMENT in the order of their tracks, which end where one is missing.
         bounds: (4,) west, south, east, north of the terrain.
     """
-    kept, number, counts = np.unique(segments["track"], return_inverse=True, return_counts=True)
+    goes_on = segments["track"][1:] == segments["track"][:-1]
+    for axis in "xy":
+        goes_on &= segments[axis][1:] == segments[f"end_{axis}"][:-1]
+    first = np.flatnonzero(np.append(True, ~goes_on)[: len(segments)])
+    kept = segments["track"][first]
     segments = segments.copy()
-    segments["track"] = number
+    segments["track"] = np.repeat(np.arange(len(first)), np.diff(np.append(first, len(segments))))
     return TrackArrays(
         segments=segments,
-        first=np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32),
+        first=np.append(first, len(segments)).astype(np.uint32),
         passes=tracks.passes[kept],
         power=tracks.power[kept],
         surface=tracks.surface[kept],

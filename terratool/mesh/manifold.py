@@ -137,7 +137,9 @@ def _halved(mesh: Manifold, pairs: Longs) -> Manifold:
     One pair of each edge stays; of the others those whose faces are not halved already.
     """
     vertices, faces, owners = mesh
-    faces, more, at = faces.copy(), [], []
+    faces = faces.copy()
+    more: list[tuple[int, Ints]] = []
+    at: list[Floats] = []
     ends = _side_ends(mesh.faces)
     seen: set[tuple[int, int]] = set()
     busy: set[int] = set()

@@ -89,21 +89,22 @@ def _layers(
         return known[id(one)]
 
     seen = seen_tops(terrain, storeys)
-    ground = fine(seen.ground, least)
-    bare = terrain.bare if terrain.tracks or terrain.is_rough else seen.ground
+    shown = seen.low[0]
+    ground = fine(shown, least)
+    bare = terrain.bare if terrain.tracks or terrain.is_rough else shown
     found = [_ground_layer(fine(bare, least).parts)]
     for sheet in storeys.sheets:
         found.append(_top_layer(sheet, fine(sheet.top).parts))
         found.append(_face_layer(sheet, storeys, fine(sheet.face).parts))
     ends = len(found)
     low, high = np.arange(ends), np.arange(ends)
-    if bare is not seen.ground:
-        low[0], high[0] = ends, ends
-        found.append(_ground_layer(ground.parts))
-        for k, sheet in enumerate(storeys.sheets):
-            for shown, top in ((low, seen.low[k]), (high, seen.high[k])):
-                shown[2 * k + 1] = len(found)
-                found.append(_top_layer(sheet, fine(top).parts))
+    if bare is not shown:
+        for tops, layer in ((seen.low, low), (seen.high, high)):
+            layer[0] = len(found)
+            found.append(_ground_layer(fine(tops[0], least).parts))
+            for k, sheet in enumerate(storeys.sheets):
+                layer[2 * k + 1] = len(found)
+                found.append(_top_layer(sheet, fine(tops[k + 1]).parts))
     loss = ground.loss
     for one in known.values():
         if one is not ground:
@@ -169,18 +170,6 @@ class _Columns(NamedTuple):
     high: Floats
 
 
-def _heights(layers: _Layers, overlay: Overlay, which: list[int] | range) -> Floats:
-    """Heights of layers at the corners of triangles, (m, k, 3); NaN where there is none.
-
-    A storey is where both of its faces are.
-    """
-    corners, found = overlay.corners, overlay.found.astype(np.int64)
-    z = np.empty((len(found), len(which), 3))
-    for place, k in enumerate(which):
-        z[:, place] = layers.all[k].heights_at(found[:, k], corners)
-    return z
-
-
 def _storeys_at(layers: _Layers, found: Ints) -> Bools:
     """Whether triangles are in the footprints of storeys of each sheet, (m, s)."""
     return np.asarray((found[:, 1 : layers.ends : 2] >= 0) & (found[:, 2 : layers.ends : 2] >= 0))
@@ -188,7 +177,10 @@ def _storeys_at(layers: _Layers, found: Ints) -> Bools:
 
 def _ends(layers: _Layers, overlay: Overlay) -> tuple[Floats, Bools]:
     """Heights of all ends at the corners, and whether the top of a storey is void, (m, s)."""
-    z = _heights(layers, overlay, range(layers.ends))
+    corners, found = overlay.corners, overlay.found.astype(np.int64)
+    z = np.empty((len(found), layers.ends, 3))
+    for k, layer in enumerate(layers.all[: layers.ends]):
+        z[:, k] = layer.heights_at(found[:, k], corners)
     there = _storeys_at(layers, overlay.found)
     voids = there & np.isnan(z[:, 1::2, 0])
     z[:, 1::2][~there] = np.nan
@@ -211,30 +203,26 @@ def _cut(layers: _Layers, overlay: Overlay) -> Overlay:
 
 def _columns(layers: _Layers, overlay: Overlay) -> _Columns:
     z, voids = _ends(layers, overlay)
+    corners = overlay.corners
     stacks = stacks_of(z.mean(axis=2), voids, layers.bores, layers.plan.tolerance)
     bottoms, tops = stacks
-    low = np.where(
-        (bottoms >= 0)[..., None],
-        np.take_along_axis(z, np.maximum(bottoms, 0)[..., None].astype(np.int64), axis=1), np.nan,
-    )  # fmt: skip
-    high = np.where(
-        (tops >= 0)[..., None],
-        np.take_along_axis(z, np.maximum(tops, 0)[..., None].astype(np.int64), axis=1), np.nan,
-    )  # fmt: skip
+    ends = np.stack([bottoms, tops], axis=2).reshape(len(tops), -1)
+    own = np.take_along_axis(z, np.maximum(ends, 0)[..., None].astype(np.int64), axis=1)
+    # from below, no end is lower than the one before it
+    own = np.fmax.accumulate(np.where((ends >= 0)[..., None], own, np.nan), axis=1)
+    low, high = own[:, ::2], own[:, 1::2]
+    low[bottoms < 0], high[tops < 0] = np.nan, np.nan
     shown = np.where(bottoms == BELOW, layers.low[tops], layers.high[tops])
-    corners = overlay.corners
     for k in range(layers.ends, len(layers.all)):
         row, interval = np.nonzero((shown == k) & (tops >= 0))
-        found = overlay.found[row, k].astype(np.int64)
-        own = layers.all[k].heights_at(found, corners[row])
-        there = ~np.isnan(own[:, 0])
-        high[row[there], interval[there]] = own[there]
-        missing = ~there
-        shown[row[missing], interval[missing]] = tops[row[missing], interval[missing]]
-    # from below, no end is lower than the one before it
-    both = np.stack([low, high], axis=2).reshape(len(low), -1, 3)
-    both = np.fmax.accumulate(both, axis=1).reshape(*high.shape[:2], 2, 3)
-    low, high = (np.where(np.isnan(one), np.nan, both[:, :, k]) for k, one in ((0, low), (1, high)))
+        seen = layers.all[k].heights_at(overlay.found[row, k].astype(np.int64), corners[row])
+        there = ~np.isnan(seen[:, 0])
+        high[row[there], interval[there]] = seen[there]
+        row, interval = row[~there], interval[~there]
+        shown[row, interval] = tops[row, interval]
+    # a relief grows into nothing, and no rut leads through a deck
+    high[:, :-1] = np.fmin(high[:, :-1], low[:, 1:])
+    high = np.where(bottoms[..., None] == BELOW, high, np.maximum(high, low))
     return _Columns(overlay, stacks, shown, low, high)
 
 

@@ -83,7 +83,7 @@ def _edges_that_differ(sides: Sides) -> _Edges:
     t, c = np.nonzero((neighbours < 0) | (np.arange(len(neighbours))[:, None] < neighbours))
     beyond = neighbours[t, c].astype(np.int64)
     back = (neighbours[beyond] == t[:, None]).argmax(axis=1)  # corner of the side that leads here
-    same = beyond >= 0
+    same = np.asarray(beyond >= 0)
     for one in (low, high):
         for own, other in ((c, (back + 1) % 3), ((c + 1) % 3, back)):
             same &= (one[t, :, own] == one[beyond, :, other]).all(axis=1)
@@ -144,70 +144,69 @@ def _in_order(ends: Longs) -> Longs:
 
 
 def _strips(sides: Sides, edges: _Edges, ends: Longs) -> Walls:
+    """Walls between the ends of intervals at edges, one above the other."""
     edge, low_p, low_q, is_top, side, from_below = ends.T
     count = len(edges.left)
     first = np.flatnonzero(np.diff(edge, prepend=-1))
     group = np.repeat(np.arange(len(first)), np.diff(np.append(first, len(edge))))
 
-    def running(values: Longs) -> Longs:
-        total = np.cumsum(values)
-        before = np.where(first > 0, total[first - 1], 0)
-        return np.asarray(total - before[group])
+    def by_side(values: Longs) -> Longs:
+        """Sums of values up to each end of its edge, on the left and on the right, (2, n)."""
+        total = np.cumsum(values * (side == np.array([[0], [1]])), axis=1)
+        before = np.where(first > 0, total[:, first - 1], 0)
+        return np.asarray(total - before[:, group])
 
     step = 1 - 2 * is_top
-    inside = [running(step * (side == k)) > 0 for k in (0, 1)]
-    ground = [running(step * from_below * (side == k)) > 0 for k in (0, 1)]
-    passed = [running(is_top * (side == k)) for k in (0, 1)]
-    has_ground = [
-        np.bincount(group, from_below * (side == k), minlength=len(first))[group] > 0
-        for k in (0, 1)
-    ]
-    follows = np.append(edge[1:] == edge[:-1], False)
+    inside, from_ground = by_side(step) > 0, by_side(step * from_below) > 0
+    passed = by_side(is_top)
+    last = np.append(first[1:], len(edge)) - 1
+    grounded = by_side(from_below * is_top)[:, last][:, group] > 0
     after = np.minimum(np.arange(len(edge)) + 1, len(edge) - 1)
-    moves = (low_p[after] != low_p) | (low_q[after] != low_q)
-    at = np.flatnonzero(follows & moves & (inside[0] != inside[1]))
-    right = inside[1][at].astype(np.int64)  # which side is solid
-    pick = lambda pair, which: np.where(which == 1, pair[1][at], pair[0][at])  # noqa: E731
-    outer = pick(ground, right) & ~pick(has_ground, 1 - right)
+    there = (edge[after] == edge) & (inside[0] != inside[1])
+    there &= (low_p[after] != low_p) | (low_q[after] != low_q)
+    at = np.flatnonzero(there)
+    solid = inside[1, at].astype(np.int64)  # which of the two it is
+    outer = from_ground[solid, at] & ~grounded[1 - solid, at]
     if not sides.closed:
-        at, right, outer = at[~outer], right[~outer], outer[~outer]
+        at, solid, outer = at[~outer], solid[~outer], outer[~outer]
     own = edge[at] % count
     t = np.stack([edges.left[own], edges.right[own]])
-    rows = np.arange(len(at))
-    p = sides.plane.triangles[edges.left[own], edges.begin[own]]
-    q = sides.plane.triangles[edges.left[own], (edges.begin[own] + 1) % 3]
-    p0, q0 = low_p[at], low_q[at]
-    p0, q0 = np.where(p0 < 0, sides.begins[p], p0), np.where(q0 < 0, sides.begins[q], q0)
-    faces, slab = _zip(p0, low_p[at + 1], q0, low_q[at + 1], right == 1, sides.levels)
+    p = sides.plane.triangles[t[0], edges.begin[own]]
+    q = sides.plane.triangles[t[0], (edges.begin[own] + 1) % 3]
+    chains = Chains(
+        np.where(low_p[at] < 0, sides.begins[p], low_p[at]), low_p[at + 1],
+        np.where(low_q[at] < 0, sides.begins[q], low_q[at]), low_q[at + 1],
+    )  # fmt: skip
+    faces, slab = _zip(chains.swapped(solid == 1), sides.levels)
     alone = edge[at] >= count  # the other side of an edge whose sides stand apart
-    empty = np.where(alone, -1, t[1 - right, rows])
     return Walls(
         faces,
-        t[right, rows][slab],
-        pick(passed, right)[slab],
-        empty[slab],
-        (pick(passed, 1 - right) - 1)[slab],
+        t[solid, np.arange(len(at))][slab],
+        passed[solid, at][slab],
+        np.where(alone, -1, t[1 - solid, np.arange(len(at))])[slab],
+        passed[1 - solid, at][slab] - 1,
         outer[slab],
     )
 
 
-def _zip(
-    p0: Longs, p1: Longs, q0: Longs, q1: Longs, flipped: NDArray[np.bool_], levels: NDArray
-) -> tuple[Ints, Longs]:
-    """Faces between chains of levels at two vertices, p on the left unless flipped.
+class Chains(NamedTuple):
+    """First and last levels at two vertices, (n,) each: at p, which is on the left, and at q."""
 
-    Args:
-        p0: (n,) first levels at one vertex.
-        p1: (n,) last levels there.
-        q0: (n,) first levels at the other vertex.
-        q1: (n,) last levels there.
-        flipped: (n,) bool.
-        levels: heights.
+    p_first: Longs
+    p_last: Longs
+    q_first: Longs
+    q_last: Longs
 
-    Returns:
-        (k, 3) faces, and (k,) index of the chains of each.
-    """
-    p0, p1, q0, q1 = (np.where(flipped, b, a) for a, b in ((p0, q0), (p1, q1), (q0, p0), (q1, p1)))
+    def swapped(self, which: NDArray[np.bool_]) -> Chains:
+        """These with p and q in place of each other where a mask is set."""
+        first, last, third, fourth = self
+        pairs = (first, third), (last, fourth), (third, first), (fourth, last)
+        return Chains(*(np.where(which, other, one) for one, other in pairs))
+
+
+def _zip(chains: Chains, levels: NDArray[np.float64]) -> tuple[Ints, Longs]:
+    """Faces between chains of levels, (k, 3), and the index of the chains of each, (k,)."""
+    p0, p1, q0, q1 = chains
     counts = np.stack([p1 - p0, q1 - q0])
     slab = np.concatenate([np.repeat(np.arange(len(p0)), own) for own in counts])
     of_q = np.repeat([0, 1], counts.sum(axis=1))
@@ -215,6 +214,7 @@ def _zip(
     starts = np.concatenate([np.repeat(np.cumsum(own) - own, own) for own in counts])
     within = np.concatenate([np.arange(own.sum()) for own in counts]) - starts
     new = firsts + within + 1
+    # the lower one of the next levels comes first
     order = np.lexsort([of_q, levels[new], slab])
     slab, of_q, new = slab[order], of_q[order], new[order]
     begin = np.cumsum(counts.sum(axis=0)) - counts.sum(axis=0)

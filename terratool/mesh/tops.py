@@ -14,18 +14,18 @@ from terratool.field.tracks import only_segments
 
 _STRETCHES = 16
 """Stretches of a segment with heights, each on one top."""
+_LOW, _HIGH = -1, -2
+"""In place of a sheet: what is solid from below, and ground over a gap."""
 
 
 class Tops(NamedTuple):
-    """Terrains with the tops that are seen.
+    """Terrains with the tops that are seen: of the ground, and then of each sheet.
 
     Attributes:
-        ground: ground with its relief and ruts.
-        low: for each sheet its tops with the ruts on what is solid from below.
-        high: for each sheet its tops with the ruts on what stands over a gap.
+        low: those with the ruts on what is solid from below.
+        high: those with the ruts on what stands over a gap.
     """
 
-    ground: Terrain
     low: tuple[Terrain, ...]
     high: tuple[Terrain, ...]
 
@@ -33,22 +33,19 @@ class Tops(NamedTuple):
 def seen_tops(terrain: Terrain, storeys: Storeys) -> Tops:
     """Tops of a terrain as they are seen; those of its own where nothing changes them."""
     tops = tuple(sheet.top for sheet in storeys.sheets)
+    ground = terrain.ground_alone
     if not terrain.tracks and not terrain.is_rough:
-        return Tops(terrain.ground_alone, tops, tops)
+        return Tops((ground, *tops), (ground, *tops))
     tracks = terrain.arrays.tracks
     segments, on = _segments_by_sheet(terrain, storeys)
 
     def along(sheet: int) -> TrackArrays:
         return only_segments(tracks, segments[on == sheet], terrain.arrays.bounds)
 
-    lowest = along(-1)
-    ground = terrain.ground_alone
-    if tracks.segments["z"].size and not np.isnan(tracks.segments["z"]).all():
-        ground = ground.with_arrays(ground.arrays._replace(tracks=lowest))
+    low, high = (ground.with_arrays(ground.arrays._replace(tracks=along(k))) for k in (_LOW, _HIGH))
     return Tops(
-        ground,
-        tuple(_seen(terrain, top, lowest) for top in tops),
-        tuple(_seen(terrain, top, along(k)) for k, top in enumerate(tops)),
+        (low, *(_seen(terrain, top, along(_LOW)) for top in tops)),
+        (high, *(_seen(terrain, top, along(k)) for k, top in enumerate(tops))),
     )
 
 
@@ -68,8 +65,8 @@ def _seen(terrain: Terrain, top: Terrain, tracks: TrackArrays) -> Terrain:
 def _segments_by_sheet(terrain: Terrain, storeys: Storeys) -> tuple[NDArray[Any], NDArray[Any]]:
     """Segments of tracks, those with heights in stretches, and the sheet that each lies on.
 
-    The sheet is -1 for what is solid from below, and -2 for no ground. A stretch lies on the top
-    nearest to its middle.
+    In place of a sheet there is `_LOW` for what is solid from below, and `_HIGH` for ground over a
+    gap. A stretch lies on the top nearest to its middle.
     """
     segments = terrain.arrays.tracks.segments
     raised = ~np.isnan(segments["z"])
@@ -80,15 +77,15 @@ def _segments_by_sheet(terrain: Terrain, storeys: Storeys) -> tuple[NDArray[Any]
         ("y", parts["dy"]),
         ("z", parts["end_z"] - parts["z"]),
     ):
-        begin = parts[axis] + share * change
-        parts[f"end_{axis}"] = begin + change / _STRETCHES
-        parts[axis] = begin
+        first = parts[axis].copy()
+        parts[axis] = first + share * change
+        parts[f"end_{axis}"] = first + (share + 1 / _STRETCHES) * change
     for axis in "xy":
         parts[f"d{axis}"] = parts[f"end_{axis}"] - parts[axis]
     parts["square"] = parts["dx"] ** 2 + parts["dy"] ** 2
     every = np.concatenate([segments[~raised], parts])
     order = np.argsort(every["track"], kind="stable")
-    on = np.full(len(every), -1)
+    on = np.full(len(every), _LOW)
     if len(parts):
         on[len(every) - len(parts) :] = _sheets_at(terrain, storeys, parts)
     return every[order], on[order]
@@ -101,9 +98,9 @@ def _sheets_at(terrain: Terrain, storeys: Storeys, parts: NDArray[Any]) -> NDArr
     nearest = np.where(np.isnan(off), np.inf, off).argmin(axis=1)
     rows = np.arange(len(parts))
     element = column.element[rows, nearest]
-    found = np.full(len(parts), -2)
+    found = np.full(len(parts), _HIGH)
     for k, sheet in enumerate(storeys.sheets):
         own = sheet.numbers[sheet.storeys >= 0]
         found[(element >= FIRST_STOREY) & np.isin(element, own)] = k
-    found[np.isneginf(column.bottom[rows, nearest])] = -1
+    found[np.isneginf(column.bottom[rows, nearest])] = _LOW
     return found
