@@ -242,15 +242,16 @@ def _raise(
     heights = np.concatenate([columns.high[tuple(tops.T)], columns.low[tuple(bottoms.T)]])
     edges = np.empty((0, 2), np.int32)
     on_boundary = np.zeros(len(plane.points), np.bool_)
+    floor_z = 0.0
     if base is not None and len(heights):
-        base = base_height(base, float(heights.min()), float(heights.max()), plan)
+        floor_z = base_height(base, float(heights.min()), float(heights.max()), plan)
         t, c = _rim(columns)
         edges = np.column_stack([plane.triangles[t, c], plane.triangles[t, (c + 1) % 3]])
         on_boundary[edges] = True
     found = kernels.find_levels(
         np.concatenate([plane.triangles[tops[:, 0]], plane.triangles[bottoms[:, 0]]]),
         heights, np.ones(len(heights), np.bool_), on_boundary,
-        base if isinstance(base, float) else 0.0, plan.tolerance,
+        floor_z, plan.tolerance,
     )  # fmt: skip
     begins, levels = found["begins"], found["levels"]
     low, high = np.full((2, *stacks.tops.shape, 3), NONE, np.int32)

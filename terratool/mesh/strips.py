@@ -130,7 +130,7 @@ def _apart(ends: Longs, crossed: Longs, count: int) -> Longs:
     both = some & grounded.all(axis=0)[edge]
     for column in (1, 2):
         lowest = np.full(count, np.iinfo(np.int64).max)
-        finite = both & (ends[:, column] >= 0)
+        finite = np.flatnonzero(both & (ends[:, column] >= 0))
         np.minimum.at(lowest, edge[finite], ends[finite, column])
         ends[both, column] = np.maximum(ends[both, column], lowest[edge[both]])
     ends[both, 5] = 0
