@@ -127,7 +127,7 @@ def _apart(ends: Longs, crossed: Longs, count: int) -> Longs:
     grounded = np.zeros((2, count), np.bool_)
     own = some & (from_below == 1)
     grounded[side[own], edge[own]] = True
-    both = some & grounded.all(axis=0)[edge]
+    both = some & (grounded[0] & grounded[1])[edge]
     for column in (1, 2):
         lowest = np.full(count, np.iinfo(np.int64).max)
         finite = np.flatnonzero(both & (ends[:, column] >= 0))

@@ -122,7 +122,7 @@ def test_users_are_warned_where_they_stand(tmp_path: Path) -> None:
     terrain = terratool.load(STOREYS / "bridge.json")
     for verb in (
         lambda: terrain.to_dem(resolution=1),
-        lambda: terrain.write_mesh(tmp_path / "a.stl", overwrite=True),
+        lambda: terrain.write_mesh(tmp_path / "a.stl", tile_faces=100),
         lambda: terrain.cast([20, 10, 9], [0, 0, -1]),
         lambda: terrain.locate(20, 10),
     ):
