@@ -23,7 +23,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 
-class Layer:
+class MeshLayer:
     """Triangles of one mesh of the plane that count, with a height at each corner.
 
     Attributes:
@@ -118,7 +118,7 @@ class Overlay(NamedTuple):
         return self.plane.points[self.plane.triangles]
 
     @classmethod
-    def of(cls, layers: list[Layer], bounds: Ints, segments: Ints | None = None) -> Overlay:
+    def of(cls, layers: list[MeshLayer], bounds: Ints, segments: Ints | None = None) -> Overlay:
         """Overlay of layers in a rectangle, along their sides or other segments.
 
         Args:

@@ -13,9 +13,9 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import mesh as kernels
 from terratool.mesh.build import FineMesh, base_height, base_of, build, fine_mesh, mesh_of
 from terratool.mesh.manifold import separate
-from terratool.mesh.overlay import Layer, Overlay, cuts_of, sides_of, split
+from terratool.mesh.overlay import MeshLayer, Overlay, cuts_of, sides_of, split
 from terratool.mesh.stacks import BELOW, NONE, Stacks, stacks_of
-from terratool.mesh.strips import Sides, Walls, raise_sides
+from terratool.mesh.strips import StackSides, StackWalls, raise_sides
 from terratool.mesh.tops import seen_tops
 from terratool.mesh.types import BuiltMesh, MeshPlan, MeshStoreys, PlanLoss, RegionMesh
 
@@ -63,7 +63,7 @@ class _Layers(NamedTuple):
         error: bound of the error of all heights.
     """
 
-    all: list[Layer]
+    all: list[MeshLayer]
     ends: int
     low: Longs
     high: Longs
@@ -117,27 +117,27 @@ def _layers(
     )  # fmt: skip
 
 
-def _ground_layer(parts: RegionMesh) -> Layer:
+def _ground_layer(parts: RegionMesh) -> MeshLayer:
     solid = ~parts.regions.voids[parts.region_of]
     surfaces = parts.regions.surfaces[parts.region_of]
-    return Layer(parts.triangulation, solid, parts.heights, surfaces)
+    return MeshLayer(parts.triangulation, solid, parts.heights, surfaces)
 
 
-def _top_layer(sheet: Sheet, parts: RegionMesh) -> Layer:
+def _top_layer(sheet: Sheet, parts: RegionMesh) -> MeshLayer:
     """Layer of the tops of storeys; the heights of void ones are NaN."""
     voids = parts.regions.voids[parts.region_of]
     heights = np.where(voids[:, None], np.nan, parts.heights)
     surfaces = parts.regions.surfaces[parts.region_of]
-    return Layer(parts.triangulation, _storey_of(parts, sheet.storeys) >= 0, heights, surfaces)
+    return MeshLayer(parts.triangulation, _storey_of(parts, sheet.storeys) >= 0, heights, surfaces)
 
 
-def _face_layer(sheet: Sheet, storeys: Storeys, parts: RegionMesh) -> Layer:
+def _face_layer(sheet: Sheet, storeys: Storeys, parts: RegionMesh) -> MeshLayer:
     """Layer of the other faces of storeys."""
     storey = _storey_of(parts, sheet.faced)
     there = (storey >= 0) & ~parts.regions.voids[parts.region_of]
     gaps = np.nan_to_num(storeys.table.gaps)[storey][:, None]
     heights = parts.heights + (gaps if sheet.is_bore else -gaps)
-    return Layer(parts.triangulation, there, heights, storeys.table.surface[storey])
+    return MeshLayer(parts.triangulation, there, heights, storeys.table.surface[storey])
 
 
 def _storey_of(parts: RegionMesh, storeys: Ints) -> Ints:
@@ -197,6 +197,8 @@ def _cut(layers: _Layers, overlay: Overlay) -> Overlay:
     sides, own = sides_of(plane.triangles, len(plane.points))
     z, _ = _ends(layers, overlay)
     cuts = cuts_of(plane, sides, own, near, z[near], layers.plan.tolerance)
+    if not len(cuts.edge):
+        return overlay
     t, c = overlay.borders()
     return Overlay.of(layers.all, layers.bounds, split(plane.points, sides, own[t, c], cuts))
 
@@ -260,7 +262,7 @@ def _raise(
 
     thick = (low != high).any(axis=2)  # others are two faces in one place
     tops, bottoms = tops[thick[tuple(tops.T)]], bottoms[thick[tuple(bottoms.T)]]
-    walls = raise_sides(Sides(plane, stacks, low, high, begins, levels, base is not None))
+    walls = raise_sides(StackSides(plane, stacks, low, high, begins, levels, base is not None))
     floor = begins[base_of(plane.points, edges)].astype(np.int32)
     faces = np.concatenate(
         [high[tuple(tops.T)], low[tuple(bottoms.T)][:, ::-1], walls.faces, floor[:, ::-1]]
@@ -312,7 +314,7 @@ def _surfaces(layers: _Layers, columns: _Columns, ends: NDArray[np.integer], whi
     return out
 
 
-def _wall_surfaces(layers: _Layers, columns: _Columns, walls: Walls) -> Ints:
+def _wall_surfaces(layers: _Layers, columns: _Columns, walls: StackWalls) -> Ints:
     """Surfaces of walls: those of the tops of what they are sides of, but of a bore within it."""
     out = _surfaces(layers, columns, columns.shown, np.column_stack([walls.owner, walls.interval]))
     tops = columns.stacks.tops

@@ -1,4 +1,4 @@
-"""What is solid over triangles: stacks of intervals between surfaces of ground and storeys."""
+"""Stacks of intervals over triangles: what is solid between surfaces of ground and storeys."""
 
 from __future__ import annotations
 

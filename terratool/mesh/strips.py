@@ -14,7 +14,7 @@ Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
 
 
-class Sides(NamedTuple):
+class StackSides(NamedTuple):
     """Stacks over triangles, with a level for each corner of each end of an interval.
 
     Attributes:
@@ -37,7 +37,7 @@ class Sides(NamedTuple):
     closed: bool
 
 
-class Walls(NamedTuple):
+class StackWalls(NamedTuple):
     """Faces that stand upright.
 
     Attributes:
@@ -66,7 +66,7 @@ class _Edges(NamedTuple):
     end: Longs
 
 
-def raise_sides(sides: Sides) -> Walls:
+def raise_sides(sides: StackSides) -> StackWalls:
     """Walls wherever there is something solid on one side of an edge alone."""
     edges = _edges_that_differ(sides)
     ends = _in_order(_ends_of(sides, edges))
@@ -77,7 +77,7 @@ def raise_sides(sides: Sides) -> Walls:
     return _strips(sides, edges, ends)
 
 
-def _edges_that_differ(sides: Sides) -> _Edges:
+def _edges_that_differ(sides: StackSides) -> _Edges:
     plane, low, high = sides.plane, sides.low, sides.high
     neighbours = plane.neighbours
     t, c = np.nonzero((neighbours < 0) | (np.arange(len(neighbours))[:, None] < neighbours))
@@ -91,7 +91,7 @@ def _edges_that_differ(sides: Sides) -> _Edges:
     return _Edges(t, c, beyond, back)
 
 
-def _ends_of(sides: Sides, edges: _Edges) -> Longs:
+def _ends_of(sides: StackSides, edges: _Edges) -> Longs:
     """Ends of the intervals on both sides of edges.
 
     (n, 6): edge, level at its begin, level at its end, 1 for a top, 0 or 1 for left or right, 1 for
@@ -143,7 +143,7 @@ def _in_order(ends: Longs) -> Longs:
     return ends[np.lexsort([ends[:, 3], ends[:, 2], ends[:, 1], ends[:, 0]])]
 
 
-def _strips(sides: Sides, edges: _Edges, ends: Longs) -> Walls:
+def _strips(sides: StackSides, edges: _Edges, ends: Longs) -> StackWalls:
     """Walls between the ends of intervals at edges, one above the other."""
     edge, low_p, low_q, is_top, side, from_below = ends.T
     count = len(edges.left)
@@ -173,13 +173,13 @@ def _strips(sides: Sides, edges: _Edges, ends: Longs) -> Walls:
     t = np.stack([edges.left[own], edges.right[own]])
     p = sides.plane.triangles[t[0], edges.begin[own]]
     q = sides.plane.triangles[t[0], (edges.begin[own] + 1) % 3]
-    chains = Chains(
+    chains = LevelChains(
         np.where(low_p[at] < 0, sides.begins[p], low_p[at]), low_p[at + 1],
         np.where(low_q[at] < 0, sides.begins[q], low_q[at]), low_q[at + 1],
     )  # fmt: skip
     faces, slab = _zip(chains.swapped(solid == 1), sides.levels)
     alone = edge[at] >= count  # the other side of an edge whose sides stand apart
-    return Walls(
+    return StackWalls(
         faces,
         t[solid, np.arange(len(at))][slab],
         passed[solid, at][slab],
@@ -189,7 +189,7 @@ def _strips(sides: Sides, edges: _Edges, ends: Longs) -> Walls:
     )
 
 
-class Chains(NamedTuple):
+class LevelChains(NamedTuple):
     """First and last levels at two vertices, (n,) each: at p, which is on the left, and at q."""
 
     p_first: Longs
@@ -197,14 +197,14 @@ class Chains(NamedTuple):
     q_first: Longs
     q_last: Longs
 
-    def swapped(self, which: NDArray[np.bool_]) -> Chains:
-        """These with p and q in place of each other where a mask is set."""
+    def swapped(self, which: NDArray[np.bool_]) -> LevelChains:
+        """Return these chains with p and q in place of each other where a mask is set."""
         first, last, third, fourth = self
         pairs = (first, third), (last, fourth), (third, first), (fourth, last)
-        return Chains(*(np.where(which, other, one) for one, other in pairs))
+        return LevelChains(*(np.where(which, other, one) for one, other in pairs))
 
 
-def _zip(chains: Chains, levels: NDArray[np.float64]) -> tuple[Ints, Longs]:
+def _zip(chains: LevelChains, levels: NDArray[np.float64]) -> tuple[Ints, Longs]:
     """Faces between chains of levels, (k, 3), and the index of the chains of each, (k,)."""
     p0, p1, q0, q1 = chains
     counts = np.stack([p1 - p0, q1 - q0])
