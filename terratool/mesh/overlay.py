@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -75,7 +76,7 @@ class MeshLayer:
         found[point[order]] = triangle[order]
         return found
 
-    def heights_at(self, which: Ints, points: Ints) -> Floats:
+    def heights_at(self, which: NDArray[np.integer], points: NDArray[Any]) -> Floats:
         """Heights of triangles at points in or close to them, (n, k); NaN for -1.
 
         Args:
@@ -118,13 +119,21 @@ class Overlay(NamedTuple):
         return self.plane.points[self.plane.triangles]
 
     @classmethod
-    def of(cls, layers: list[MeshLayer], bounds: Ints, segments: Ints | None = None) -> Overlay:
+    def of(
+        cls,
+        layers: list[MeshLayer],
+        bounds: Ints,
+        segments: Ints | None = None,
+        more_of: Callable[[Floats, NDArray[np.int32]], NDArray[np.int32]] | None = None,
+    ) -> Overlay:
         """Overlay of layers in a rectangle, along their sides or other segments.
 
         Args:
             layers: the layers.
             bounds: west, south, east, north on the lattice.
             segments: (n, 4) int64 x, y, x, y on the lattice; the sides if None.
+            more_of: function of the middles of triangles and of their places in the layers, whose
+                rows differ where an edge is needed between two triangles of one place.
         """
         if segments is None:
             segments = np.concatenate([layer.edges for layer in layers])
@@ -134,7 +143,10 @@ class Overlay(NamedTuple):
             middles = points[triangles].mean(axis=1)
             geometries = shapely.points(middles)
             places[:] = [layer.find(middles, geometries) for layer in layers]
-            return hash_rows(np.column_stack(places))
+            found = np.column_stack(places)
+            return hash_rows(
+                found if more_of is None else np.hstack([found, more_of(middles, found)])
+            )
 
         plane, _ = triangulate(segments, bounds, keys_of, NO_SEAMS)
         return cls(plane, np.column_stack(places))

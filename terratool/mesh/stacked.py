@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from terratool.kernels import mesh as kernels
 from terratool.mesh.build import FineMesh, base_height, base_of, build, fine_mesh, mesh_of
 from terratool.mesh.manifold import separate
 from terratool.mesh.overlay import MeshLayer, Overlay, cuts_of, sides_of, split
-from terratool.mesh.stacks import BELOW, NONE, Stacks, stacks_of
+from terratool.mesh.stacks import BELOW, NONE, Stacks, ranks_of, stacks_of
 from terratool.mesh.strips import StackSides, StackWalls, raise_sides
 from terratool.mesh.tops import seen_tops
 from terratool.mesh.types import BuiltMesh, MeshPlan, MeshStoreys, PlanLoss, RegionMesh
@@ -175,13 +175,21 @@ def _storeys_at(layers: _Layers, found: Ints) -> Bools:
     return np.asarray((found[:, 1 : layers.ends : 2] >= 0) & (found[:, 2 : layers.ends : 2] >= 0))
 
 
-def _ends(layers: _Layers, overlay: Overlay) -> tuple[Floats, Bools]:
-    """Heights of all ends at the corners, and whether the top of a storey is void, (m, s)."""
-    corners, found = overlay.corners, overlay.found.astype(np.int64)
-    z = np.empty((len(found), layers.ends, 3))
+def _ends(layers: _Layers, found: Ints, points: NDArray[Any]) -> tuple[Floats, Bools]:
+    """Heights of all ends at points of triangles, and whether the top of a storey is void, (m, s).
+
+    Args:
+        layers: the layers.
+        found: (m, layers) triangle of each layer, as in `Overlay`.
+        points: (m, k, 2) places on the lattice.
+
+    Returns:
+        (m, ends, k) heights, NaN where there is none: a storey is where both of its faces are.
+    """
+    z = np.empty((len(found), layers.ends, points.shape[1]))
     for k, layer in enumerate(layers.all[: layers.ends]):
-        z[:, k] = layer.heights_at(found[:, k], corners)
-    there = _storeys_at(layers, overlay.found)
+        z[:, k] = layer.heights_at(found[:, k], points)
+    there = _storeys_at(layers, found)
     voids = there & np.isnan(z[:, 1::2, 0])
     z[:, 1::2][~there] = np.nan
     z[:, 2::2][~there] = np.nan
@@ -195,17 +203,23 @@ def _cut(layers: _Layers, overlay: Overlay) -> Overlay:
     if not len(near):
         return overlay
     sides, own = sides_of(plane.triangles, len(plane.points))
-    z, _ = _ends(layers, overlay)
+    z, _ = _ends(layers, overlay.found, overlay.corners)
     cuts = cuts_of(plane, sides, own, near, z[near], layers.plan.tolerance)
     if not len(cuts.edge):
         return overlay
     t, c = overlay.borders()
-    return Overlay.of(layers.all, layers.bounds, split(plane.points, sides, own[t, c], cuts))
+
+    def order_at(middles: Floats, found: Ints) -> Ints:
+        z, _ = _ends(layers, found, middles[:, None])
+        return ranks_of(z[..., 0], layers.plan.tolerance)
+
+    segments = split(plane.points, sides, own[t, c], cuts)
+    return Overlay.of(layers.all, layers.bounds, segments, order_at)
 
 
 def _columns(layers: _Layers, overlay: Overlay) -> _Columns:
-    z, voids = _ends(layers, overlay)
     corners = overlay.corners
+    z, voids = _ends(layers, overlay.found, corners)
     stacks = stacks_of(z.mean(axis=2), voids, layers.bores, layers.plan.tolerance)
     bottoms, tops = stacks
     ends = np.stack([bottoms, tops], axis=2).reshape(len(tops), -1)

@@ -46,7 +46,7 @@ def stacks_of(z: Floats, voids: Bools, bores: Bools, tolerance: float) -> Stacks
         tolerance: largest difference of heights that count as one.
     """
     n, ends = z.shape
-    ranks = _ranks(z, tolerance)
+    ranks = ranks_of(z, tolerance)
     deepest = ends + 1
     rows = np.arange(n)
     solid = np.zeros((n, deepest + 1), np.bool_)  # from each rank to the next; 0 is below all
@@ -88,7 +88,7 @@ def stacks_of(z: Floats, voids: Bools, bores: Bools, tolerance: float) -> Stacks
     return _listed(solid, bottom, top)
 
 
-def _ranks(z: Floats, tolerance: float) -> Ints:
+def ranks_of(z: Floats, tolerance: float) -> Ints:
     """Rank of each height in its row, from 1 on; those within the tolerance share one."""
     order = np.argsort(z, axis=1)
     sorted_z = np.take_along_axis(z, order, axis=1)
