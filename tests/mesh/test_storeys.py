@@ -71,8 +71,8 @@ def wanted_ends(terrain: Terrain, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.take_along_axis(both, order, axis=1)
 
 
-def off(terrain: Terrain, mesh: Mesh, count: int, aside: float) -> tuple[float, int]:
-    """How far rays are from columns at points, and at how many they meet other faces.
+def off(terrain: Terrain, mesh: Mesh, count: int, aside: float) -> np.ndarray:
+    """How far rays are from columns at random points, (count,); infinite for other faces.
 
     A point counts as the nearest of those `aside` around it.
     """
@@ -93,8 +93,7 @@ def off(terrain: Terrain, mesh: Mesh, count: int, aside: float) -> tuple[float, 
         same = (np.isnan(ends) == np.isnan(own)).all(axis=1)
         apart = np.nan_to_num(np.abs(ends - own)).max(axis=1)
         best[left] = np.minimum(best[left], np.where(same, apart, np.inf))
-    other = np.isinf(best)
-    return float(best[~other].max()), int(other.sum())
+    return best
 
 
 def whole(built: BuiltMesh) -> trimesh.Trimesh:
@@ -118,12 +117,13 @@ def test_vertical_rays_meet_what_columns_have(name: str) -> None:
     terrain = terrain_of(DEFINITIONS[name])
     built = build_all(terrain, ERROR)
     assert built.error <= ERROR
-    worst, other = off(terrain, built.mesh, 10_000, 3 * max(built.loss.wall_offset, 1e-6))
-    assert worst <= built.error + 1e-9
+    apart = off(terrain, built.mesh, 10_000, 3 * max(built.loss.wall_offset, 1e-6))
     # a line where surfaces meet is as far aside as the error takes it: of the tunnel 1 cm by 1:5
-    assert other <= 5
+    assert (apart > built.error + 1e-9).sum() <= 5
+    assert apart[np.isfinite(apart)].max() <= 2 * ERROR
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DEFINITIONS)
 def test_solids_are_closed_and_hold_what_columns_do(name: str) -> None:
     terrain = terrain_of(DEFINITIONS[name])
@@ -137,6 +137,7 @@ def test_solids_are_closed_and_hold_what_columns_do(name: str) -> None:
     assert check_solid(built).volume == pytest.approx(thick.mean() * area, abs=0.3 * ERROR * area)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DEFINITIONS)
 def test_manifold_takes_solids(name: str) -> None:
     manifold = pytest.importorskip("manifold3d", reason="manifold3d is not installed")
@@ -161,8 +162,8 @@ def test_random_terrains(definition: Json) -> None:
     terrain = terrain_of(definition)
     check_solid(build_all(terrain, 0.1, base="below"))
     built = build_all(terrain, 0.1)
-    worst, other = off(terrain, built.mesh, 1000, 3 * built.loss.wall_offset + 1e-6)
-    assert worst <= built.error + 1e-6 or other <= 20
+    apart = off(terrain, built.mesh, 2000, 3 * built.loss.wall_offset + 1e-6)
+    assert (apart > built.error + 1e-6).sum() <= 5
 
 
 # --- by hand --------------------------------------------------------------------------------------
@@ -308,6 +309,7 @@ def test_relief_is_on_tops_alone() -> None:
 # --- files ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("suffix", "reader"),
     [(suffix, reader) for suffix, readers in READERS.items() for reader in readers],
