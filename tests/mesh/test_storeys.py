@@ -201,6 +201,16 @@ def extra(mesh: Mesh) -> int:
     return int((mesh.surfaces == 1).sum()) - 12
 
 
+def test_decks_that_touch_in_an_edge_stay_apart() -> None:
+    """Corner to corner: four sides meet in one upright edge, of which each deck has its own."""
+    decks = [
+        box(k, k, k + 2, k + 2, vScale=2, surface="road", deck={"thickness": 0.5}) for k in (2, 4)
+    ]
+    built = build_all(terrain_of(on_plain([12, 8], *decks)), ERROR, base=-1.0)
+    found = check_solid(built)
+    assert [one.volume for one in found.split(repair=False)] == pytest.approx([96, 2, 2])
+
+
 def test_the_underside_of_an_arch_is_round() -> None:
     """A deck from 1 to 4 over 16 by 4, of which half an ellipse 2.5 high is taken out."""
     arch = {"under": "along", "vScale": 2.5, "vOffset": 1, "datum": True}
@@ -287,7 +297,7 @@ def test_ruts_lie_on_the_tops_that_paths_are_on() -> None:
 def test_a_rut_in_a_tunnel_is_in_its_floor() -> None:
     """The hill above, as high as its curve says, has none."""
     tracks = [{"path": [[12, 5], [48, 5]], "width": 1, "depth": 0.1}]
-    mesh = build_all(terrain_of(TUNNEL | {"tracks": tracks}), ERROR).mesh
+    mesh = build_all(terrain_of(TUNNEL | {"tracks": tracks}), 0.2).mesh
     wanted = [-0.1, 5, 8 * (1 - abs(33 - 30) / 20)]
     assert ends_of(mesh, np.array([33.0]), np.array([5.1]))[0] == pytest.approx(wanted)
 
