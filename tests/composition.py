@@ -70,12 +70,8 @@ def scatter_of(value: Json) -> Scatter:
     )  # fmt: skip
 
 
-def higher(storey: Json, factor: Fraction) -> Json:
-    """What a deck or a bore says, with all its heights multiplied."""
-    heights = {key: storey[key] for key in ("thickness", "height", "vOffset") if key in storey}
-    if "under" in storey or "roof" in storey:
-        heights["vScale"] = storey.get("vScale", 1)
-    return storey | {key: float(Fraction(z) * factor) for key, z in heights.items()}
+_HEIGHTS = ("thickness", "height", "vScale", "vOffset")
+"""Keys of decks and bores that factors multiply."""
 
 
 def both(value: Any) -> list[Any]:
@@ -159,7 +155,17 @@ class Reading:
         found |= {"descr": said[0]} if said else {}
         found |= {} if surface is None else {"surface": surface}
         found |= {"surfaceGrid": root["surfaceGrid"]} if "surfaceGrid" in root else {}
-        found |= {kind: higher(root[kind], factor) for kind in ("deck", "bore") if kind in root}
+        for key in ("deck", "bore"):
+            if key in root:
+                storey = root[key] | (
+                    {}
+                    if not {"under", "roof"} & root[key].keys()
+                    else {"vScale": root[key].get("vScale", 1)}
+                )
+                found[key] = {
+                    name: float(Fraction(value) * factor) if name in _HEIGHTS else value
+                    for name, value in storey.items()
+                }
         below = Around(home, factor, quarters, around.sides, name, around.pointer)
         children = [
             child

@@ -200,6 +200,23 @@ CAVES = terrain(
             # a bore up to the underside of nothing, and one whose ceiling is the ground's top
             box(30, 6, 32, 8, vScale=0, surface="road", bore={"height": 3}),
             box(32, 6, 34, 8, vScale=-3, surface="road", bore={"height": 3}),
+            # a slab in a bore, written before it; and a slab with a bore up to its underside
+            box(34, 6, 38, 8, vScale=-2, surface="wood", deck={"thickness": 1}),
+            box(34, 6, 36, 8, vScale=-4, surface="road", bore={"height": 6}),
+            box(
+                4, 6, 8, 8, vScale=5, surface="wood", deck={"thickness": 2},
+                children=[
+                    box(0, 0, 2, 2, vScale=-3, surface="road", bore={"height": 1}),
+                    box(2, 0, 4, 2, vScale=-2, surface="rock", deck={"thickness": 1}),
+                    box(3, 0, 4, 2, vScale=-2, surface="grass", deck={"thickness": 1}),
+                ],
+            ),
+            # equal decks: one in an element that is written first, and one a level further up
+            box(
+                12, 6, 14, 8, vScale=0,
+                children=[box(0, 0, 1, 2, vScale=3, surface="rock", deck={"thickness": 1})],
+            ),
+            box(12, 6, 16, 8, vScale=3, surface="wood", deck={"thickness": 1}),
         ],
     },
 )  # fmt: skip
@@ -364,6 +381,22 @@ WORKED = [
            "two decks, 1 apart"),
     Worked("caves", 31, 7, [(-inf, 10, "grass", "", None)],
            "a floor as high as the ground: nothing is above it"),
+    Worked("caves", 35, 7, [(-inf, 6, "road", "10", None), (7, 8, "wood", "9", "9")],
+           "bores are cut before decks stand in them, whichever is written first"),
+    Worked("caves", 37, 7, [(-inf, 10, "grass", "", None)],
+           "without a bore the slab lies in the ground"),
+    Worked("caves", 5, 7, [(-inf, 10, "grass", "", None), (13, 15, "wood", "11", "11")],
+           "a bore up to the underside takes nothing of the slab, whose underside stays its own"),
+    Worked("caves", 6.5, 7, [(-inf, 10, "grass", "", None), (12, 15, "wood", "11", "11/1")],
+           "a slab that hangs below another one, and touches it"),
+    Worked("caves", 7.5, 7, [(-inf, 10, "grass", "", None), (12, 15, "wood", "11", "11/2")],
+           "of two equal ones the later"),
+    Worked("caves", 12.5, 7,
+           [(-inf, 10, "grass", "12", None), (12, 13, "rock", "12/0", "12/0")],
+           "of two equal decks of one depth the one at the finer level, as the field has it later"),
+    Worked("caves", 15, 7,
+           [(-inf, 10, "grass", "", None), (12, 13, "wood", "13", "13")],
+           "the other one alone"),
     Worked("caves", 33, 7, [(-inf, 7, "road", "8", None)],
            "a ceiling as high as the ground: nothing is left above it"),
 ]  # fmt: skip

@@ -41,11 +41,17 @@ def is_radial(primitive: Json) -> bool:
 
 @st.composite
 def faces(
-    draw: Draw, kind: str, alike: list[str], gaps: st.SearchStrategy[Any], heights: Any
+    draw: Draw,
+    kind: str,
+    alike: list[str],
+    gaps: st.SearchStrategy[Any],
+    heights: Any,
+    *,
+    gapped: bool = True,
 ) -> Json:
     """What a deck or a bore says: a distance, or one of some primitives."""
     found: Json = {}
-    if not alike or draw(st.booleans()):
+    if gapped and draw(st.booleans()):
         found[GAPS[kind]] = draw(gaps)
     else:
         found[FACES[kind]] = draw(st.sampled_from(alike))
@@ -138,21 +144,27 @@ def below_root(node: Json) -> Iterator[Json]:
         yield from below_root(child)
 
 
-def sprinkle(draw: Draw, node: Json, types: dict[str, Json]) -> None:
-    """Make an element that is not beside a part a storey, or leave it."""
+def sprinkle(draw: Draw, node: Json, types: dict[str, Json], *, factored: bool = False) -> None:
+    """Make an element that is not beside a part a storey, or leave it.
+
+    Where a factor may be negative, the other face has a primitive.
+    """
     kind = draw(kinds())
     if kind is None or "part" in node:
         return
     radial = is_radial(types[node["type"]])
     alike = [name for name, primitive in types.items() if is_radial(primitive) is radial]
     gaps, heights = thousandths(0.001, 6), thousandths(-3, 3)
-    node[kind] = draw(faces(kind, alike, gaps, heights))
+    node[kind] = draw(faces(kind, alike, gaps, heights, gapped=not factored))
 
 
 @st.composite
 def with_storeys(draw: Draw, plain: st.SearchStrategy[Json]) -> Json:
-    """Terrains of a strategy with storeys in them."""
+    """Terrains of a strategy with storeys in them, and with heights of their tracks."""
     found = draw(plain)
+    for track in found.get("tracks", []):
+        if draw(st.booleans()):
+            track["path"] = [[*point, draw(thousandths(-5, 5))] for point in track["path"]]
     for node in below_root(found["elemTree"]):
         sprinkle(draw, node, found["elemTypes"])
     return found
@@ -170,12 +182,12 @@ def file_sets_with_storeys(draw: Draw, plain: st.SearchStrategy[FileSet]) -> Fil
         seen = {name: types[name] for name in known}
         if file == MAIN:
             for node in below_root(text["elemTree"]):
-                sprinkle(draw, node, seen)
+                sprinkle(draw, node, seen, factored=True)
         for node in text.get("parts", {}).values():
             for each in [] if is_hidden(node) else below_root(node):
-                sprinkle(draw, each, seen)
+                sprinkle(draw, each, seen, factored=True)
             if not is_hidden(node) and "part" not in files[MAIN]["elemTree"]:
-                sprinkle(draw, node, seen)
+                sprinkle(draw, node, seen, factored=True)
     files[MAIN].pop("tracks", None)
     texts = {file: json.dumps(text, ensure_ascii=False) for file, text in files.items()}
     return FileSet(texts, composition.plain(texts, MAIN))

@@ -188,17 +188,28 @@ class Storeys:
         return Answer(math.nan if void else total, worn, winner.pointer)
 
     def _finished(self, column: list[Interval], x: float, y: float) -> list[Interval]:
-        """The column with the tracks on what reaches down for ever, and the reliefs of all tops."""
+        """The column with the tracks that lie on its tops, and the reliefs of these."""
         found = []
         for one in column:
             top = Answer(one.top, one.surface, one.element)
-            if one.bottom == -math.inf:
-                top = self.plain._rutted(top, x, y)
+            over = [
+                k
+                for k, track in enumerate(self.plain.tracks)
+                if any(lies_on(column, z) is one for z in track.heights(x, y))
+            ]
+            top = self.plain.rutted(top, over)
             surface = self.plain.surfaces[top.surface] if top.surface is not None else {}
             if "roughness" in surface:
                 top = replace(top, z=top.z + relief(surface["roughness"], x, y))
             found.append(Interval(one.bottom, top.z, top.surface, top.element, one.under))
         return found
+
+
+def lies_on(column: list[Interval], z: float) -> Interval | None:
+    """What a track lies on: what reaches down for ever, or has the top nearest to its height."""
+    if math.isnan(z):
+        return next((one for one in column if one.bottom == -math.inf), None)
+    return min(column, key=lambda one: abs(one.top - z), default=None)
 
 
 def chain(one: Element) -> Iterator[Element]:

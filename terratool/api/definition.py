@@ -30,8 +30,9 @@ from terratool.definition.model import (
     Track,
     names_of,
 )
-from terratool.definition.reader import check
+from terratool.definition.reader import CheckOptions, check
 from terratool.errors import RequestError
+from terratool.field.unseen import unseen_storeys
 from terratool.report.wording import count_of
 from terratool.text.source import Source, refuse_name, write_source
 
@@ -407,7 +408,7 @@ class DefinitionBuilder:
         Raises:
             RequestError: a value cannot be written as JSON.
         """
-        return check(self._source(UNNAMED)).findings
+        return check(self._source(UNNAMED), CheckOptions(look=unseen_storeys)).findings
 
     @takes()
     def compile(self, *, roughness: bool = True) -> UserTerrain:

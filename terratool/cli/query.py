@@ -340,17 +340,20 @@ class _Asked(NamedTuple):
 
         for x, y, there in self._chunks(points):
             found = self.terrain.sample(*there, self.below)
+            notes = self._notes(found, there)
             cells: dict[str, list[Any]] = {
                 "x": x,
                 "y": y,
                 "z": self._rounded(found.height),
                 **self._names(found.surface, found.element),
                 **self._normals(found.normal),
-                "note": self._notes(found, there),
+                "note": notes.tolist(),
             }
             if self.terrain.storeys is not None:
                 tops = (~np.isnan(self.terrain.column(*there).top)).sum(axis=1)
-                cells["storeys"] = np.where(found.element == OUTSIDE, None, tops).tolist()
+                tops = tops.astype(object)
+                tops[found.element == OUTSIDE] = None
+                cells["storeys"] = tops.tolist()
             yield from zip(*(cells[name] for name in self.columns), strict=True)
 
     def intervals(self, points: Iterator[Point]) -> Rows:
@@ -366,6 +369,8 @@ class _Asked(NamedTuple):
             has[:, 0] = True
             point, place = np.nonzero(has)
             bare = np.isnan(column.top[point, place])
+            notes = self._notes(found, there)[point]
+            notes[~bare] = None
             cells: dict[str, list[Any]] = {
                 "x": [x[i] for i in point.tolist()],
                 "y": [y[i] for i in point.tolist()],
@@ -378,7 +383,7 @@ class _Asked(NamedTuple):
                 ),
                 "under": self._pointers(column.under[has]),
                 **self._normals(column.normal[has]),
-                "note": np.where(bare, self._notes(found, there)[point], None).tolist(),
+                "note": notes.tolist(),
             }
             yield from zip(*(cells[name] for name in INTERVALS), strict=True)
 

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from terratool.definition.chains import Chain, Chains, with_quarters
 from terratool.definition.exact import Exact, Sides, side, sides
-from terratool.definition.expand import MAX_ELEMENTS, with_names, with_names_in_use
+from terratool.definition.expand import with_names, with_names_in_use
 from terratool.definition.model import Definition, Pair, pair_of
 from terratool.definition.scatter_areas import area_of, copies_over
 from terratool.definition.tree import ROOT, with_classes
 from terratool.definition.turning import turn_block
-from terratool.definition.uses import Root, Uses, copies, scatters_over_cells
+from terratool.definition.uses import MAX_ELEMENTS, Root, Uses, copies, scatters_over_cells
 from terratool.errors import RequestError
 from terratool.report.wording import count_of
 

@@ -14,6 +14,8 @@ from terratool.definition.model import Definition, Element, Library, Pair, pair_
 from terratool.definition.scattering import copy_count
 from terratool.definition.tree import ROOT, Tree, part_pointer
 
+MAX_ELEMENTS = 2_000_000
+"""Most elements that are written out."""
 MAX_DEPTH = 1000
 """Most parts that may stand in one another."""
 
@@ -204,7 +206,10 @@ class Uses(Struct, frozen=True, dict=True):
     def has_storeys(self) -> bool:
         """Whether any element of the terrain is a deck or a bore, directly or in a part."""
         roots = (self.root, *map(self.part, self.parts_in_use)) if self.has_root else ()
-        return any(root.tree.has_storeys for root in roots)
+        return any(
+            root.tree.has_storeys and any(root.tree.storey(one) for one in elements_of(root))
+            for root in roots
+        )
 
     @property
     def has_root(self) -> bool:

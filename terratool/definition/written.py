@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from terratool.definition.chains import Chain, Chains
 from terratool.definition.exact import Exact, ExactSide, Sides, rest_of, rests_of, side, sides
-from terratool.definition.expand import MAX_ELEMENTS
 from terratool.definition.model import (
     DEFAULT_CELLS,
     Deck,
@@ -24,7 +23,7 @@ from terratool.definition.model import (
 from terratool.definition.scatter_areas import area_of, copies_over
 from terratool.definition.tree import ROOT, Tree, with_classes
 from terratool.definition.turning import turn_block
-from terratool.definition.uses import Root, Uses
+from terratool.definition.uses import MAX_ELEMENTS, Root, Uses
 from terratool.errors import RequestError
 
 Floats = NDArray[np.float64]
@@ -334,6 +333,10 @@ class _Text:
         """Index of an element among all texts."""
         return self._first[id(root.tree)] + root.element
 
+    def has(self, root: Root) -> bool:
+        """Whether an element is in one of the texts."""
+        return id(root.tree) in self._first
+
     def root(self, index: int) -> Root:
         """Element at an index among all texts."""
         home = int(np.searchsorted(self._starts, index, "right")) - 1
@@ -382,7 +385,9 @@ class _Writer:
             return None
         ends = np.arange(len(text.storey))
         for index in np.flatnonzero(text.composed).tolist():
-            ends[index] = text.index(self._chains.of(text.root(index)).root)
+            end = self._chains.of(text.root(index)).root
+            if text.has(end):  # a part that is not in use may lead to a file that is not
+                ends[index] = text.index(end)
         storeys = text.storey[ends] > 0
         if share == "ground":
             return storeys

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from terratool.definition.crs import refuse_degrees
 from terratool.definition.expand import (
-    MAX_ELEMENTS,
     Expansion,
     expand,
     with_names,
@@ -25,7 +24,7 @@ from terratool.definition.findings import Bounds
 from terratool.definition.model import Definition
 from terratool.definition.reader import Checked, load_checked, refusal, uses_of
 from terratool.definition.sharing import blueprint
-from terratool.definition.uses import Uses
+from terratool.definition.uses import MAX_ELEMENTS, Uses
 from terratool.definition.written import write_out
 from terratool.errors import RequestError, StoreysWarning, warn_outside
 from terratool.field.compile import Compiled, compile_definition
@@ -185,8 +184,9 @@ class Terrain:
         self._far: dict[int, int] = {}
         storeys, worn, shapes = None, set[Any](), set[Any]()
         if uses.has_storeys:
-            storeys = write_out(uses, with_names(uses), "storeys")
-            worn, shapes = storeys.worn, storeys.shapes
+            written = write_out(uses, with_names(uses), "storeys")
+            if written.storeys():  # copies may find no place
+                storeys, worn, shapes = written, written.worn, written.shapes
         if uses.is_composed and uses.elements > share_above:
             self._source = definition
             plan = blueprint(uses, worn, shapes)
@@ -286,15 +286,15 @@ class Terrain:
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state, _compiled=align_arrays(state["_compiled"]))
 
-    def with_curves(self, curves: CurveArrays) -> Self:
-        """Return this terrain with other curves, which its parts have if they are written out."""
-        return self.with_arrays(self.arrays._replace(curves=curves))
-
     def with_arrays(self, arrays: FieldArrays) -> Self:
-        """Return this terrain with other arrays of its field, if its parts are written out."""
+        """Return this terrain with other arrays of the field."""
         other = copy(self)
         other._compiled = self._compiled._replace(arrays=arrays)
         return other
+
+    def with_curves(self, curves: CurveArrays) -> Self:
+        """Return this terrain with other curves, which its parts have if they are written out."""
+        return self.with_arrays(self.arrays._replace(curves=curves))
 
     @property
     def bounds(self) -> Bounds:
@@ -388,6 +388,9 @@ class Terrain:
         """
         x, y, below, shape = _points_below(x, y, below)
         heights = batch_heights(self.arrays, self.field, x, y)
+        if self.storeys is not None and not self.tracks and not self.is_rough:
+            kernels.top_heights(self.storeys.field, x, y, below, heights)
+            return heights.reshape(shape)[()]
         if below is not None:
             heights[~(heights <= below)] = np.nan
         if self.storeys is not None and (near := self.storeys.near(x, y)).any():
@@ -525,6 +528,13 @@ class Terrain:
         return ray_index(self)
 
     @cached_property
+    def storey_ray_index(self) -> kernels.StoreyRayIndex:
+        """Index for rays, of a terrain that has storeys."""
+        from terratool.field.rays import storey_ray_index
+
+        return storey_ray_index(self)
+
+    @cached_property
     def _document_order(self) -> NDArray[np.int64]:
         """Number in the document of each element of `written_out`, (n,) int64."""
         from terratool.field.rays import document_order
@@ -537,7 +547,17 @@ class Terrain:
         count = len(self._document_order)
         tracks = elements - count + self.first_track
         own = self._document_order[np.clip(elements, 0, count - 1)]
-        return np.where(elements < 0, elements, np.where(elements < count, own, tracks))
+        same = (elements < 0) | (elements >= FIRST_STOREY)
+        return np.where(same, elements, np.where(elements < count, own, tracks))
+
+    def short_numbers(self, elements: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Numbers that fit files, which `pointer` takes, too: storeys' follow those of tracks."""
+        is_storey = elements >= FIRST_STOREY
+        return np.where(is_storey, elements - FIRST_STOREY + self._first_short, elements)
+
+    @property
+    def _first_short(self) -> int:
+        return self.first_track + self.tracks
 
     def cast(
         self,
@@ -560,7 +580,7 @@ class Terrain:
         """
         from terratool.field.rays import cast
 
-        return cast(self.ground_only(), origins, directions, max_range, threads)
+        return cast(self, origins, directions, max_range, threads)
 
     def to_torch(
         self,
@@ -745,9 +765,12 @@ class Terrain:
         """
         if element < 0:
             return None
-        if element >= FIRST_STOREY:
-            assert self.storeys is not None
-            return self.storeys.pointer(element)
+        if self.storeys is not None:
+            short = element - self._first_short
+            if 0 <= short < len(self.storeys.written) and self.first_track < FARTHEST:
+                element = FIRST_STOREY + short
+            if element >= FIRST_STOREY:
+                return self.storeys.pointer(element)
         if self._is_track(element):
             return f"/tracks/{element - self.first_track}"
         if self._tally is not None:

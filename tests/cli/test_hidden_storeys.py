@@ -11,9 +11,8 @@ import pytest
 import terratool
 from tests.commands import ROOT, call
 
-BRIDGE = ROOT / "tests" / "storeys" / "bridge.json"
+BRIDGE = ROOT / "tests" / "example-files" / "columns" / "bridge.json"
 ROVER = ROOT / "samples" / "vehicles" / "husky-a200.json"
-LIDAR = ROOT / "samples" / "sensors" / "velodyne-vlp-16.json"
 NOTE = "2 decks are not shown: this is the ground without them."
 SAID = "2 decks of bridge.json are not shown: this is the ground without them."
 SOIL = {"fricAngle": 30, "cohesion": 0, "sinkage": 0}
@@ -33,10 +32,6 @@ def bridge(tmp_path: Path) -> Path:
     [
         ("export-mesh", "a.stl", "--tile-faces", 100),
         ("export-vrml", "a.wrl", "--elevation-grid"),
-        pytest.param(
-            ("scan", "a.npz", "--sensor", LIDAR, "--pose", 20, 2, 1, 0, 0, 0),
-            marks=pytest.mark.slow,
-        ),
     ],
     ids=lambda words: words[0],
 )

@@ -19,7 +19,7 @@ import pytest
 import terratool
 from tests.commands import ROOT, YARD, Ran, call
 
-STOREYS = ROOT / "tests" / "storeys"
+STOREYS = ROOT / "tests" / "example-files" / "columns"
 NAMES = sorted(path.stem for path in STOREYS.glob("*.json"))
 HEADER = ["x", "y", "bottom", "z", "clear", "surface", "element", "under", "nx", "ny", "nz", "note"]
 BRIDGE = STOREYS / "bridge.json"

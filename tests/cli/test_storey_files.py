@@ -174,6 +174,7 @@ def changed(site: Path, deck: Any, **more: Any) -> str:
 
 def test_differences_of_storeys_are_told_by_their_keys(site: Path) -> None:
     """A face that is renamed, and a default that is written, are no differences."""
+    assert "deck thickness 0.5 → thickness 0.75:" in changed(site, {"thickness": 0.75})
     assert "deck thickness 0.5 → thickness 0.75, datum" in changed(
         site, {"thickness": 0.75, "datum": True}
     )

@@ -241,6 +241,15 @@ def test_a_deck_hides_no_ground_and_no_ground_hides_a_deck() -> None:
     assert told(text) == [("TT209", "/elemTree/children/0")]
 
 
+def test_what_hides_another_in_a_cell_hides_no_deck_there() -> None:
+    """Of three in one cell that wear something, the second is hidden, by the third."""
+    low, high = ({"cellX": 1, "cellY": 1, "type": "box", "vScale": z} for z in (1, 2))
+    text = site(deck(1, 1, surface="a"), low | {"surface": "a"}, high | {"surface": "b"})
+    text["surfTypes"] = WORN
+    wanted = [("TT209", "/elemTree/children/1"), ("TT208", "/elemTree/children/2")]
+    assert sorted(told(text)) == sorted(wanted)
+
+
 def test_a_part_that_is_a_deck_is_not_hidden() -> None:
     over = {"cellX": 1, "cellY": 1, "type": "box", "vScale": 1, "surface": "b"}
     text = site({"cellX": 1, "cellY": 1, "part": "p", "surface": "a"}, over, surfTypes=WORN)

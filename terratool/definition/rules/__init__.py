@@ -34,6 +34,7 @@ from terratool.definition.rules import (  # noqa: F401, importing them registers
     surfaces,
     tracks,
     trimming,
+    unseen,
     usage,
     vehicle_gear,
     vehicle_geometry,

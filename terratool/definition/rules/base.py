@@ -11,7 +11,7 @@ from msgspec import UNSET, Struct, UnsetType
 
 from terratool.definition.curriculum import CurriculumText
 from terratool.definition.curves import CurveError, problems
-from terratool.definition.findings import Owner, Remark, RemarkBatch, Severity
+from terratool.definition.findings import Owner, Remark, RemarkBatch, Severity, UnseenStorey
 from terratool.definition.grid_files import LinkedGrid
 from terratool.definition.keys import SLOTS, Kind
 from terratool.definition.libraries import Clash, Named, SourceDocument, clashes_of, known_names
@@ -49,6 +49,7 @@ class Subject(_Subject, frozen=True, kw_only=True):
         size: size of the text, bytes.
         packed: whether the text came from gzip.
         max_step: height from which on a step is remarked on; None for no limit.
+        look: function that looks at the heights of the terrain for storeys that change nothing.
     """
 
     definition: Definition
@@ -57,6 +58,12 @@ class Subject(_Subject, frozen=True, kw_only=True):
     size: int = 0
     packed: bool = False
     max_step: float | None = None
+    look: Callable[[], tuple[UnseenStorey, ...]] = tuple
+
+    @cached_property
+    def unseen(self) -> tuple[UnseenStorey, ...]:
+        """Decks and bores that change nothing; none where nobody looks, or the text has errors."""
+        return self.look()
 
     @property
     def is_library(self) -> bool:
