@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
-from terratool.field.storeys import Sheet, Storeys
+from terratool.field.storeys import Storeys, StoreySheet
 from terratool.field.terrain import Terrain
 from terratool.kernels import mesh as kernels
 from terratool.mesh.build import FineMesh, base_height, base_of, build, fine_mesh, mesh_of
@@ -123,7 +123,7 @@ def _ground_layer(parts: RegionMesh) -> MeshLayer:
     return MeshLayer(parts.triangulation, solid, parts.heights, surfaces)
 
 
-def _top_layer(sheet: Sheet, parts: RegionMesh) -> MeshLayer:
+def _top_layer(sheet: StoreySheet, parts: RegionMesh) -> MeshLayer:
     """Layer of the tops of storeys; the heights of void ones are NaN."""
     voids = parts.regions.voids[parts.region_of]
     heights = np.where(voids[:, None], np.nan, parts.heights)
@@ -131,7 +131,7 @@ def _top_layer(sheet: Sheet, parts: RegionMesh) -> MeshLayer:
     return MeshLayer(parts.triangulation, _storey_of(parts, sheet.storeys) >= 0, heights, surfaces)
 
 
-def _face_layer(sheet: Sheet, storeys: Storeys, parts: RegionMesh) -> MeshLayer:
+def _face_layer(sheet: StoreySheet, storeys: Storeys, parts: RegionMesh) -> MeshLayer:
     """Layer of the other faces of storeys."""
     storey = _storey_of(parts, sheet.faced)
     there = (storey >= 0) & ~parts.regions.voids[parts.region_of]
