@@ -213,7 +213,7 @@ class UserTerrain(ShownTerrain):
         """
         from terratool.mesh.as_trimesh import trimesh_of
 
-        return trimesh_of(self.ground_only(), fill(MeshOptions, options))
+        return trimesh_of(self, fill(MeshOptions, options))
 
     @takes(MeshRequest)
     def write_mesh(
@@ -232,7 +232,8 @@ class UserTerrain(ShownTerrain):
             WriteError: a file exists, or cannot be written.
         """
         request = fill(MeshRequest, options)
-        return write_mesh_files(self.ground_only(), path, request, overwrite=overwrite)
+        terrain = self if request.has_storeys else self.ground_only()
+        return write_mesh_files(terrain, path, request, overwrite=overwrite)
 
     @takes(SceneOptions)
     def export_sim(

@@ -257,7 +257,7 @@ class Terrain:
         return self.ground_alone
 
     @cached_property
-    def _bare(self) -> Terrain:
+    def bare(self) -> Terrain:
         """The ground without ruts and reliefs."""
         if not self.tracks and not self.is_rough:
             return self.ground_alone
@@ -440,7 +440,7 @@ class Terrain:
         """Columns at points, (n,) each."""
         if self.storeys is None:
             return ColumnRows.of_ground(ColumnGround(*self._samples(x, y)))
-        ground = ColumnGround(*self._bare._samples(x, y))
+        ground = ColumnGround(*self.bare._samples(x, y))
         return self.storeys.columns(self, x, y, ground)
 
     def surface(self, x: ArrayLike, y: ArrayLike) -> Any:

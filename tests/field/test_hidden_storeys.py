@@ -121,7 +121,7 @@ def test_users_are_warned_where_they_stand(tmp_path: Path) -> None:
     """At their own line; the ground alone is asked for without a warning."""
     terrain = terratool.load(STOREYS / "bridge.json")
     for verb in (
-        lambda: terrain.write_mesh(tmp_path / "a.stl", overwrite=True),
+        lambda: terrain.write_mesh(tmp_path / "a.stl", tile_faces=100),
         lambda: terrain.locate(20, 10),
     ):
         with pytest.warns(StoreysWarning) as warned:
