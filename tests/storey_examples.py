@@ -211,6 +211,12 @@ CAVES = terrain(
                     box(3, 0, 4, 2, vScale=-2, surface="grass", deck={"thickness": 1}),
                 ],
             ),
+            # equal decks: one in an element that is written first, and one a level further up
+            box(
+                12, 6, 14, 8, vScale=0,
+                children=[box(0, 0, 1, 2, vScale=3, surface="rock", deck={"thickness": 1})],
+            ),
+            box(12, 6, 16, 8, vScale=3, surface="wood", deck={"thickness": 1}),
         ],
     },
 )  # fmt: skip
@@ -385,6 +391,12 @@ WORKED = [
            "a slab that hangs below another one, and touches it"),
     Worked("caves", 7.5, 7, [(-inf, 10, "grass", "", None), (12, 15, "wood", "11", "11/2")],
            "of two equal ones the later"),
+    Worked("caves", 12.5, 7,
+           [(-inf, 10, "grass", "12", None), (12, 13, "rock", "12/0", "12/0")],
+           "of two equal decks of one depth the one at the finer level, as the field has it later"),
+    Worked("caves", 15, 7,
+           [(-inf, 10, "grass", "", None), (12, 13, "wood", "13", "13")],
+           "the other one alone"),
     Worked("caves", 33, 7, [(-inf, 7, "road", "8", None)],
            "a ceiling as high as the ground: nothing is left above it"),
 ]  # fmt: skip

@@ -176,9 +176,8 @@ class UserTerrain(ShownTerrain):
             DefinitionError: the CRS of the terrain is unknown.
         """
         wanted = fill(DemOptions, options)
-        ground = self.ground_only()
-        choice = GridChoice.of(ground, wanted.resolution, wanted.bounds)
-        return dem_arrays(ground, choice, wanted)
+        choice = GridChoice.of(self, wanted.resolution, wanted.bounds)
+        return dem_arrays(self, choice, wanted)
 
     @takes(DemOptions)
     def write_dem(self, path: str | Path | None = None, **options: Any) -> AnyDemReport:
@@ -196,9 +195,8 @@ class UserTerrain(ShownTerrain):
         wanted = fill(DemOptions, options)
         refuse_idle_contours(options.keys(), wanted.layers)
         output = wanted.output_of(path)
-        ground = self.ground_only()
-        choice = GridChoice.of(ground, wanted.resolution, wanted.bounds)
-        return write_dem(ground, choice, output, wanted)
+        choice = GridChoice.of(self, wanted.resolution, wanted.bounds)
+        return write_dem(self, choice, output, wanted)
 
     @takes(MeshOptions, without=("origin", "normals"))
     def to_mesh(self, **options: Any) -> trimesh.Trimesh:
@@ -215,7 +213,7 @@ class UserTerrain(ShownTerrain):
         """
         from terratool.mesh.as_trimesh import trimesh_of
 
-        return trimesh_of(self.ground_only(), fill(MeshOptions, options))
+        return trimesh_of(self, fill(MeshOptions, options))
 
     @takes(MeshRequest)
     def write_mesh(
@@ -234,7 +232,8 @@ class UserTerrain(ShownTerrain):
             WriteError: a file exists, or cannot be written.
         """
         request = fill(MeshRequest, options)
-        return write_mesh_files(self.ground_only(), path, request, overwrite=overwrite)
+        terrain = self if request.has_storeys else self.ground_only()
+        return write_mesh_files(terrain, path, request, overwrite=overwrite)
 
     @takes(SceneOptions)
     def export_sim(
@@ -466,8 +465,7 @@ class UserTerrain(ShownTerrain):
             ReadError, DefinitionError: a file cannot be read, or has errors.
         """
         scan = _scan(sensor, pose, poses, fill(ScanOptions, options))
-        ground = self.ground_only()
-        return list(scan.check_poses(ground).read(ground))
+        return list(scan.check_poses(self).read(self))
 
     @takes(ScanOptions)
     def write_scan(
@@ -502,7 +500,7 @@ class UserTerrain(ShownTerrain):
         """
         scan = _scan(sensor, pose, poses, fill(ScanOptions, options))
         wanted = ScanOutput(Path(output), frame == "world", misses, overwrite)
-        return export_scan(self.ground_only(), scan, wanted)
+        return export_scan(self, scan, wanted)
 
     @takes()
     def compare(

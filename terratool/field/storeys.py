@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from terratool.definition.model import Bore, Definition, Primitive, Storey, Surface
 from terratool.definition.written import Written
 from terratool.field.compile import Compiled, compile_definition
+from terratool.field.storey_levels import level_cells
 from terratool.kernels import field as kernels
 from terratool.report.wording import decks_and_bores
 
@@ -33,7 +34,7 @@ Ints = NDArray[np.int64]
 FIRST_STOREY = 3 << 61
 """Number of the first element of storeys; numbers of the ground and of tracks are smaller."""
 
-_CELLS_EACH = 64
+_CELLS_EACH = 256
 _MOST_CELLS = 1 << 20
 """Cells of the lattice for each storey, and most cells of all."""
 _LAST_BIT = 63
@@ -65,10 +66,13 @@ class StoreyLattice(NamedTuple):
         frame: (4,) west, south, and cells per unit along x and y.
         cells: (rows, columns) uint64 from the south-west, a bit for each sheet that may have a
             storey there; the last bit stands for all further sheets.
+        levels: (rows, columns) height that decks of one level have all over a cell; NaN where they
+            may not.
     """
 
     frame: Floats
     cells: NDArray[np.uint64]
+    levels: Floats
 
 
 @dataclass(frozen=True)
@@ -102,6 +106,13 @@ class StoreySheet:
     def faces(self) -> kernels.Field:
         """Field of the other faces."""
         return self.face.field
+
+    def other_face(self, gaps: Floats) -> Terrain:
+        """Plain terrain of the other faces, with the gaps between the faces, (storeys,)."""
+        elements = self.face.arrays.elements.copy()
+        gap = np.where(self.faced < 0, 0.0, np.nan_to_num(gaps[self.faced]))
+        elements["offset"] += gap if self.is_bore else -gap
+        return self.face.with_arrays(self.face.arrays._replace(elements=elements))
 
 
 class ColumnRows(NamedTuple):
@@ -260,13 +271,22 @@ class Storeys:
     @cached_property
     def field(self) -> kernels.Storeys:
         """Sheets, table and lattice, checked and kept by the kernels."""
-        return kernels.Storeys(self.sheets, self.table, self.lattice)
+        field = kernels.Storeys(self.sheets, self.table, self.lattice)
+        level = level_cells(self)
+        if not level.any():
+            return field
+        y, x = (at + 0.5 for at in np.nonzero(level))
+        frame, heights = self.lattice.frame, np.full(len(x), np.nan)
+        x, y = frame[0] + x / frame[2], frame[1] + y / frame[3]
+        kernels.top_heights(field, x, y, None, heights)
+        self.lattice.levels[level] = heights
+        return field
 
     @property
     def nbytes(self) -> int:
         """Memory of the compiled storeys in bytes."""
         fields = sum(sheet.top.nbytes + sheet.face.nbytes for sheet in self.sheets)
-        return fields + self.lattice.cells.nbytes
+        return fields + self.lattice.cells.nbytes + self.lattice.levels.nbytes
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "field"}
@@ -351,8 +371,8 @@ def _plan(written: Written, own: dict[int, Storey], whole: Terrain) -> _Plan:
     bounds[:, _order(whole)] = np.concatenate(
         [np.minimum(cells[:2], feet[:2]), np.maximum(cells[2:], feet[2:])]
     )
-    turned = written.rows.free & ~np.isnan(written.rows.turn) & (written.rows.turn % 90 != 0)
-    _widen(bounds, turned)
+    turned = written.rows.free & ~np.isnan(written.rows.turn) & (written.rows.turn % 360 != 0)
+    _widen(bounds, turned)  # their edges are closed
     for begin, end in reversed(levels[1:]):
         above = written.parent[begin:end]
         for side, pick in zip(range(4), (np.minimum,) * 2 + (np.maximum,) * 2, strict=True):
@@ -368,18 +388,22 @@ def _widen(bounds: Floats, which: Any = slice(None)) -> None:
     bounds[2:, which] += more
 
 
-_Class = tuple[int, bool]
-"""Depth of a storey, and whether it is a deck: bores of a depth count before its decks."""
+_Class = tuple[int, bool, int]
+"""Depth of a storey, whether it is a deck, and level of its element: bores count before decks."""
 
 
 def _sheet_keys(plan: _Plan, storeys: Ints) -> list[Ints]:
     """Storeys of each sheet, by index, in the order in which columns take the sheets.
 
-    Storeys of one depth and kind are in the order of the document; of two that may share a point,
-    or that elements around the other may reach, the later one comes into a later sheet.
+    Storeys of one depth and kind are in the order of the field: level by level, and in that of the
+    document within a level. Of two that may share a point, or that elements around the other may
+    reach, the later one comes into a later sheet.
     """
     written = plan.written
     count = len(written)
+    nested = np.repeat(np.arange(len(written.levels) - 1), np.diff(written.levels))
+    depths, decks = plan.depth.tolist(), plan.is_deck.tolist()
+    classes: list[_Class] = list(zip(depths, decks, nested.tolist(), strict=True))
     needs: list[dict[_Class, int]] = [{} for _ in range(count)]  # sheets that each has in it
     begins: list[dict[_Class, int]] = [{} for _ in range(count)]  # its first one in its parent
     own = set(storeys.tolist())
@@ -387,7 +411,7 @@ def _sheet_keys(plan: _Plan, storeys: Ints) -> list[Ints]:
         active = [child for child in range(begin, end) if child in own or needs[child]]
         for child in active:
             if child in own:
-                needs[child][int(plan.depth[child]), bool(plan.is_deck[child])] = 1
+                needs[child][classes[child]] = 1
         earlier = _earlier_overlaps(plan.bounds[:, active])
         for place, child in enumerate(active):
             for kind, many in needs[child].items():
@@ -401,15 +425,13 @@ def _sheet_keys(plan: _Plan, storeys: Ints) -> list[Ints]:
                 )
                 begins[child][kind] = first
                 needs[parent][kind] = max(needs[parent].get(kind, 0), first + many)
-    sheets: dict[tuple[int, bool, int, int], list[int]] = {}
+    sheets: dict[tuple[_Class, int, int], list[int]] = {}
     for index in storeys.tolist():
-        depth, is_deck = int(plan.depth[index]), bool(plan.is_deck[index])
-        level, at = 0, index
+        kind, sheet, at = classes[index], 0, index
         while at > 0:
-            level += begins[at].get((depth, is_deck), 0)
+            sheet += begins[at].get(kind, 0)
             at = int(written.parent[at])
-        key = depth, is_deck, level, int(plan.datum[index])
-        sheets.setdefault(key, []).append(index)
+        sheets.setdefault((kind, sheet, int(plan.datum[index])), []).append(index)
     return [np.array(sheets[key]) for key in sorted(sheets)]
 
 
@@ -553,4 +575,4 @@ def _lattice(footprints: Floats, sheets: list[Ints]) -> StoreyLattice:
     masks = np.uint64(1) << np.minimum(bit, _LAST_BIT).astype(np.uint64)
     for (i, j), (i_last, j_last), mask in zip(first.tolist(), last.tolist(), masks, strict=True):
         out[j : j_last + 1, i : i_last + 1] |= mask
-    return StoreyLattice(np.concatenate([low, per]), out)
+    return StoreyLattice(np.concatenate([low, per]), out, np.full(out.shape, np.nan))

@@ -257,15 +257,12 @@ class Terrain:
         return self.ground_alone
 
     @cached_property
-    def _bare(self) -> Terrain:
+    def bare(self) -> Terrain:
         """The ground without ruts and reliefs."""
         if not self.tracks and not self.is_rough:
             return self.ground_alone
         arrays = without_tracks(self.arrays)
-        arrays = arrays._replace(reliefs=arrays.reliefs[:0])
-        other = copy(self.ground_alone)
-        other._compiled = self._compiled._replace(arrays=arrays)
-        return other
+        return self.ground_alone.with_arrays(arrays._replace(reliefs=arrays.reliefs[:0]))
 
     @property
     def arrays(self) -> FieldArrays:
@@ -289,11 +286,15 @@ class Terrain:
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state, _compiled=align_arrays(state["_compiled"]))
 
+    def with_arrays(self, arrays: FieldArrays) -> Self:
+        """Return this terrain with other arrays of the field."""
+        other = copy(self)
+        other._compiled = self._compiled._replace(arrays=arrays)
+        return other
+
     def with_curves(self, curves: CurveArrays) -> Self:
         """Return this terrain with other curves, which its parts have if they are written out."""
-        other = copy(self)
-        other._compiled = self._compiled._replace(arrays=self.arrays._replace(curves=curves))
-        return other
+        return self.with_arrays(self.arrays._replace(curves=curves))
 
     @property
     def bounds(self) -> Bounds:
@@ -387,6 +388,9 @@ class Terrain:
         """
         x, y, below, shape = _points_below(x, y, below)
         heights = batch_heights(self.arrays, self.field, x, y)
+        if self.storeys is not None and not self.tracks and not self.is_rough:
+            kernels.top_heights(self.storeys.field, x, y, below, heights)
+            return heights.reshape(shape)[()]
         if below is not None:
             heights[~(heights <= below)] = np.nan
         if self.storeys is not None and (near := self.storeys.near(x, y)).any():
@@ -447,8 +451,8 @@ class Terrain:
             bare: whether ruts and reliefs are left out.
         """
         assert self.storeys is not None
-        ground = ColumnGround(*self._bare._samples(x, y))
-        return self.storeys.columns(self._bare if bare else self, x, y, ground)
+        ground = ColumnGround(*self.bare._samples(x, y))
+        return self.storeys.columns(self.bare if bare else self, x, y, ground)
 
     def surface(self, x: ArrayLike, y: ArrayLike) -> Any:
         """Names of the surfaces at points, a str or an object array; None without a surface."""
@@ -535,6 +539,13 @@ class Terrain:
         return ray_index(self)
 
     @cached_property
+    def storey_ray_index(self) -> kernels.StoreyRayIndex:
+        """Index for rays, of a terrain that has storeys."""
+        from terratool.field.rays import storey_ray_index
+
+        return storey_ray_index(self)
+
+    @cached_property
     def _document_order(self) -> NDArray[np.int64]:
         """Number in the document of each element of `written_out`, (n,) int64."""
         from terratool.field.rays import document_order
@@ -547,7 +558,17 @@ class Terrain:
         count = len(self._document_order)
         tracks = elements - count + self.first_track
         own = self._document_order[np.clip(elements, 0, count - 1)]
-        return np.where(elements < 0, elements, np.where(elements < count, own, tracks))
+        same = (elements < 0) | (elements >= FIRST_STOREY)
+        return np.where(same, elements, np.where(elements < count, own, tracks))
+
+    def short_numbers(self, elements: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Numbers that fit files, which `pointer` takes, too: storeys' follow those of tracks."""
+        is_storey = elements >= FIRST_STOREY
+        return np.where(is_storey, elements - FIRST_STOREY + self._first_short, elements)
+
+    @property
+    def _first_short(self) -> int:
+        return self.first_track + self.tracks
 
     def cast(
         self,
@@ -570,7 +591,7 @@ class Terrain:
         """
         from terratool.field.rays import cast
 
-        return cast(self.ground_only(), origins, directions, max_range, threads)
+        return cast(self, origins, directions, max_range, threads)
 
     def to_torch(
         self,
@@ -755,9 +776,12 @@ class Terrain:
         """
         if element < 0:
             return None
-        if element >= FIRST_STOREY:
-            assert self.storeys is not None
-            return self.storeys.pointer(element)
+        if self.storeys is not None:
+            short = element - self._first_short
+            if 0 <= short < len(self.storeys.written) and self.first_track < FARTHEST:
+                element = FIRST_STOREY + short
+            if element >= FIRST_STOREY:
+                return self.storeys.pointer(element)
         if self._is_track(element):
             return f"/tracks/{element - self.first_track}"
         if self._tally is not None:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from terratool.definition.findings import Bounds
     from terratool.definition.model import Surface
     from terratool.field.records import FieldArrays
+    from terratool.field.storeys import Storeys
     from terratool.kernels import field as kernels
 
 OUTSIDE = -2
@@ -84,6 +85,16 @@ class TerrainField(Protocol):
     @property
     def ray_index(self) -> kernels.RayIndex:
         """Index for rays, of the terrain with its parts written out."""
+        ...
+
+    @property
+    def storeys(self) -> Storeys | None:
+        """Decks and bores; None where there are none."""
+        ...
+
+    @property
+    def storey_ray_index(self) -> kernels.StoreyRayIndex:
+        """Index for rays, of a terrain that has storeys."""
         ...
 
     @property

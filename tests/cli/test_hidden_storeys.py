@@ -13,7 +13,6 @@ from tests.commands import ROOT, call
 
 BRIDGE = ROOT / "tests" / "example-files" / "columns" / "bridge.json"
 ROVER = ROOT / "samples" / "vehicles" / "husky-a200.json"
-LIDAR = ROOT / "samples" / "sensors" / "velodyne-vlp-16.json"
 NOTE = "2 decks are not shown: this is the ground without them."
 SAID = "2 decks of bridge.json are not shown: this is the ground without them."
 SOIL = {"fricAngle": 30, "cohesion": 0, "sinkage": 0}
@@ -31,12 +30,8 @@ def bridge(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     "words",
     [
-        ("export-mesh", "a.stl"),
-        ("export-obj", "a.obj"),
-        pytest.param(
-            ("scan", "a.npz", "--sensor", LIDAR, "--pose", 20, 2, 1, 0, 0, 0),
-            marks=pytest.mark.slow,
-        ),
+        ("export-mesh", "a.stl", "--tile-faces", 100),
+        ("export-vrml", "a.wrl", "--elevation-grid"),
     ],
     ids=lambda words: words[0],
 )
@@ -50,9 +45,11 @@ def test_a_sentence_on_standard_error(
     json.loads(ran.out)
 
 
-def test_a_mesh_keeps_the_sentence_with_its_losses(bridge: Path, tmp_path: Path) -> None:
-    ran = call("export-mesh", bridge, tmp_path / "a.stl", "--json")
+def test_tiles_and_grids_keep_the_sentence_with_their_losses(bridge: Path, tmp_path: Path) -> None:
+    ran = call("export-mesh", bridge, tmp_path / "a.stl", "--tile-faces", 100, "--json")
     assert json.loads(ran.out)["losses"]["storeys"] == NOTE
+    ran = call("export-mesh", bridge, tmp_path / "c.stl", "--json")
+    assert ran.err == "" and json.loads(ran.out)["losses"]["storeys"]["decks"] == 2
     grid = call("export-vrml", bridge, tmp_path / "a.wrl", "--elevation-grid", "--json")
     assert json.loads(grid.out)["losses"]["storeys"] == NOTE
     plain = call(
