@@ -28,6 +28,7 @@ from terratool.traversability.blocked import BlockedEnd, blocked_ends
 from terratool.traversability.compare import prepare
 from terratool.traversability.conditions import parse
 from terratool.traversability.gate_rules import GATES
+from terratool.traversability.notes import headroom_note
 from terratool.traversability.report.wording import conclusion, route_line
 from terratool.traversability.request import Request
 from terratool.traversability.results import TraversabilityReport
@@ -128,7 +129,10 @@ def judge_file(job: FileJob) -> FileVerdict:
         for finding in _failures(source, job, report, ends, several)
     ]
     findings.sort(key=lambda finding: (finding.line, finding.column))
-    return FileVerdict(job.file, tuple(map(_row, reports)), tuple(findings), notes=terrain.hidden)
+    notes = tuple(
+        dict.fromkeys(note for one in job.vehicles for note in headroom_note(terrain, one))
+    )
+    return FileVerdict(job.file, tuple(map(_row, reports)), tuple(findings), notes=notes)
 
 
 def _broken(source: Source, checked: Checked) -> tuple[Finding, ...]:

@@ -71,16 +71,19 @@ def zones_note(zones: Sequence[Zone]) -> Iterator[str]:
         )
 
 
-def storeys_note(terrain: Terrain, vehicle: Vehicle) -> Iterator[str]:
-    """Notes on how storeys were judged, and on headroom."""
-    if terrain.storeys is None:
-        return
-    counts = decks_and_bores(terrain.storeys.decks, terrain.storeys.bores)
-    yield (
-        f"The terrain has {counts}. All tops are judged and count in shares; the picture has the "
-        "lowest ones."
-    )
-    if vehicle.height is None:
+def storeys_note(terrain: Terrain) -> Iterator[str]:
+    """A note on how storeys were judged."""
+    if terrain.storeys is not None:
+        counts = decks_and_bores(terrain.storeys.decks, terrain.storeys.bores)
+        yield (
+            f"The terrain has {counts}. All tops are judged and count in shares; the picture has "
+            "the lowest ones."
+        )
+
+
+def headroom_note(terrain: Terrain, vehicle: Vehicle) -> Iterator[str]:
+    """A note where headroom below storeys is not judged."""
+    if terrain.storeys is not None and vehicle.height is None:
         yield (
             "Headroom is not judged, as the height of the vehicle is not known: what is over it is "
             'passed under, however low. Give the vehicle its "height".'
