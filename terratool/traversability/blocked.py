@@ -16,7 +16,7 @@ from terratool.traversability.request import Place, ends_of
 from terratool.traversability.route.barriers import BlockedPlace, RouteSite, blocked_place
 from terratool.traversability.route.graph import drivable, turnable
 from terratool.traversability.route.reach import (
-    Places,
+    FloodPlaces,
     begin_in_largest,
     connected_cells,
     heading_bits,
@@ -101,8 +101,8 @@ def _blocked_place(
     headings, at = tiles.survey.headings, part_of(window)
     turns = turnable(tiles.survey, turnings(terrain, prepared.vehicle), at)
     radius = prepared.vehicle.turning_radius / tiles.survey.grid.resolution
-    begin = begin_in_largest(bits, headings, places=Places(turns), radius=radius)
-    part = connected_cells(bits, headings, begin, places=Places(turns), radius=radius).returned
+    begin = begin_in_largest(bits, headings, places=FloodPlaces(turns), radius=radius)
+    part = connected_cells(bits, headings, begin, places=FloodPlaces(turns), radius=radius).returned
     if not part.any():
         return why
     rows, columns = np.nonzero(part)

@@ -102,7 +102,7 @@ class Stack(NamedTuple):
 
 
 class Solids(NamedTuple):
-    """What is solid at the pixels of a window, from below: (most, height, width) each.
+    """Solids at the pixels of a window, from below: (most, height, width) each.
 
     Attributes:
         bottom, top: float32, m; NaN where there are fewer.
@@ -124,7 +124,7 @@ class Solids(NamedTuple):
 
 
 class ShownGround(NamedTuple):
-    """What a layer shows at the pixels of a window, (height, width) each.
+    """Solids that a layer shows at the pixels of a window, (height, width) each.
 
     Attributes:
         solid: int32, number of the solid, -1 for none.
@@ -207,7 +207,7 @@ class LayerPainter:
         return _ground_of(Solids(*parts), ShownGround(*cut))
 
     def _solids(self, window: Window) -> Solids | None:
-        """What is solid in a window; None where no storeys are near."""
+        """Find the solids of a window; None where no storeys are near."""
         try:
             return self._kept[window]
         except KeyError:
@@ -400,7 +400,7 @@ def sample_near(terrain: Terrain, x: Any, y: Any, z: Any = None) -> PointSamples
 
 
 class Seen(NamedTuple):
-    """What lies before a vehicle that stands at a height, at points around it.
+    """Ground before a vehicle that stands at a height, at points around it.
 
     Attributes:
         found: tops of the solids; no normals.
@@ -416,7 +416,7 @@ class Seen(NamedTuple):
 def seen_from(
     terrain: Terrain, x: NDArray[np.float64], y: NDArray[np.float64], z: float, rise: float
 ) -> Seen:
-    """What lies before a vehicle that stands at z, m, and gets up so much, at points around it."""
+    """Find the ground before a vehicle that stands at z, m, and gets up so much, at points."""
     rows = terrain.columns_at(x.ravel(), y.ravel())
     count = (rows.bottom <= z + rise).sum(axis=1)
     at, some = np.arange(len(count)), count > 0

@@ -27,7 +27,7 @@ from terratool.traversability.map_results import CHANCE_BOUNDS, LargestPart, Map
 from terratool.traversability.route.reach import (
     Bits,
     Connected,
-    Places,
+    FloodPlaces,
     begin_at,
     begin_in_largest,
     bits_type,
@@ -374,12 +374,12 @@ class MapBuilder:
         assert self.own is not None and self._shown is not None
         return copy_from_owners(plane, self.own, self._shown, self.stack)
 
-    def _places(self) -> Places:
+    def _places(self) -> FloodPlaces:
         """Pixels where the vehicle can turn on the spot, and those that are the same place."""
         turns = None if self._able.all() else self._able[self.surfaces]
         if self._shown is None:
-            return Places(turns)
-        return Places(
+            return FloodPlaces(turns)
+        return FloodPlaces(
             None if turns is None else self._copied(turns), rings(self._shown, self.stack)
         )
 

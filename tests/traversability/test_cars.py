@@ -32,7 +32,7 @@ from terratool.traversability.route.graph import (
     heading_offsets,
     moves_of,
 )
-from terratool.traversability.route.reach import Places, heading_bits, spread
+from terratool.traversability.route.reach import FloodPlaces, heading_bits, spread
 from terratool.traversability.route.results import Route
 from terratool.traversability.route.routes import check_route, plan_route, reach
 from terratool.traversability.tiles import survey as survey_of
@@ -190,7 +190,13 @@ def test_search_and_floods_follow_the_rules(
         seeds = {(gear, *state) for state in starts for gear in (0, 1)}
         wanted = set().union(seeds, *(networkx.descendants(one, state) for state in seeds))
         bits = spread(
-            heading_bits(can), headings, heading_bits(begin), against, None, Places(nowhere), radius
+            heading_bits(can),
+            headings,
+            heading_bits(begin),
+            against,
+            None,
+            FloodPlaces(nowhere),
+            radius,
         )
         reached = {(h, int(r), int(c)) for h in range(headings)
                    for r, c in np.argwhere(bits >> h & 1)}  # fmt: skip

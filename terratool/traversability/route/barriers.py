@@ -216,7 +216,7 @@ def _z_of(height: float) -> float | None:
 
 
 def _roof(terrain: Terrain, vehicle: Vehicle, pose: Pose, cell: float) -> BarringGround:
-    """What is over a vehicle where there is least room, and how much, as a name."""
+    """Name the storey over a vehicle where there is least room, and how much."""
     xs, ys = _rectangle_lattice(vehicle, pose, cell)
     seen = seen_from(terrain, xs, ys, pose.z, vehicle.wheel.radius)
     at = np.unravel_index(int(np.argmin(seen.room)), xs.shape)

@@ -26,7 +26,7 @@ from terratool.traversability.route.paths import (
     worst_verdict,
 )
 from terratool.traversability.route.reach import (
-    Places,
+    FloodPlaces,
     begin_at,
     heading_bits,
     spread,
@@ -153,7 +153,7 @@ def leads_back(path: Path, on: RouteSite) -> bool:
     begin = begin_at(bits, (int(rows[-1]), int(columns[-1])))
     turns = turnable(survey, on.turns, part)
     radius = on.vehicle.turning_radius / grid.resolution
-    back = spread(bits, survey.headings, begin, places=Places(turns, twins), radius=radius)
+    back = spread(bits, survey.headings, begin, places=FloodPlaces(turns, twins), radius=radius)
     return bool(back[rows[0], columns[0]])
 
 

@@ -17,8 +17,8 @@ Bits = NDArray[np.unsignedinteger[Any]]
 """(height, width) uint8, 16, 32 or 64: headings of each cell as bits, the first in the lowest."""
 
 
-class Places(NamedTuple):
-    """What is known of cells beside what can be driven there, (height, width) each.
+class FloodPlaces(NamedTuple):
+    """Turning and twins of the cells of a flood, (height, width) each.
 
     Attributes:
         turns: bool, cells at which the vehicle can turn on the spot; all of them if None.
@@ -29,7 +29,7 @@ class Places(NamedTuple):
     twins: NDArray[np.int64] | None = None
 
 
-EVERYWHERE = Places()
+EVERYWHERE = FloodPlaces()
 """The vehicle can turn on the spot at all cells, and all differ."""
 
 Progress = Callable[[float], object]
@@ -73,7 +73,7 @@ def spread(
     begin: Bits,
     against: bool = False,
     progress: Progress | None = None,
-    places: Places = EVERYWHERE,
+    places: FloodPlaces = EVERYWHERE,
     radius: float = 0.0,
 ) -> Bits:
     """All states that moves lead to from the states `begin`; with `against`, that lead to these."""
@@ -108,7 +108,7 @@ def connected_cells(
     headings: int,
     begin: Bits,
     progress: Progress | None = None,
-    places: Places = EVERYWHERE,
+    places: FloodPlaces = EVERYWHERE,
     radius: float = 0.0,
 ) -> Connected:
     """Cells that can be reached from states, and from which any of them can be reached again.
@@ -134,7 +134,7 @@ def begin_at(bits: Bits, cell: tuple[int, int]) -> Bits:
 
 
 def begin_in_largest(
-    bits: Bits, headings: int, progress: Progress | None = None, places: Places = EVERYWHERE,
+    bits: Bits, headings: int, progress: Progress | None = None, places: FloodPlaces = EVERYWHERE,
     radius: float = 0.0,
 ) -> Bits:  # fmt: skip
     """A state of the part of the ground with the most states, as bits; none without a part.
@@ -163,7 +163,7 @@ def can_turn_back(bits: Bits, headings: int) -> NDArray[np.bool_]:
 
 
 def place_in(
-    bits: Bits, headings: int, found: Connected, places: Places = EVERYWHERE
+    bits: Bits, headings: int, found: Connected, places: FloodPlaces = EVERYWHERE
 ) -> tuple[int, int]:
     """A cell of connected ground near its middle, if possible one that leads to all of the ground.
 

@@ -68,7 +68,7 @@ from terratool.traversability.route.paths import (
 )
 from terratool.traversability.route.reach import (
     Connected,
-    Places,
+    FloodPlaces,
     begin_at,
     connected_cells,
     heading_bits,
@@ -499,7 +499,7 @@ def reach(
         begin = begin_at(bits, cell)
     radius = 0.0 if vehicle is None else vehicle.turning_radius / seen.grid.resolution
     found = connected_cells(
-        bits, seen.headings, begin, places=Places(turns, seen.twins), radius=radius
+        bits, seen.headings, begin, places=FloodPlaces(turns, seen.twins), radius=radius
     )
     ground = np.isfinite(seen.heights)
     return reach_of(terrain, start, found, ground if seen.own is None else ground & seen.own)
