@@ -18,7 +18,7 @@ from terratool.field.walls import WallFinders
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.raster.painter import Painter, Planes
-from terratool.traversability.layers import Layer, LayerGround, LayerPainter
+from terratool.traversability.layers import DrivingLayer, LayerGround, LayerPainter
 from terratool.traversability.walls import Gaps, MetWalls, Walls, meet_walls, walls_in_order
 
 Axis = NDArray[np.float64]
@@ -141,12 +141,12 @@ class GroundPainter:
         planes = self._go_on(planes, rows, columns)
         return self._ground(planes, x[columns], y[rows], crests)
 
-    def paint_layer(self, window: Window, layer: Layer) -> StanceGround | None:
+    def paint_layer(self, window: Window, layer: DrivingLayer) -> StanceGround | None:
         """Paint what a layer shows in a window; None where it has no tops of its own."""
         assert self._layers is not None
         shown = self._layers.find(window, layer)
         if shown is None:
-            return self.paint(window) if layer == Layer(0, False) else None
+            return self.paint(window) if layer == DrivingLayer(0, False) else None
         if not shown.own.any():
             return None
         x, y = self._grid.columns(window), self._grid.rows(window)

@@ -31,7 +31,7 @@ _KEPT = 4
 """Windows whose columns are kept for the other layers."""
 
 
-class Layer(NamedTuple):
+class DrivingLayer(NamedTuple):
     """A layer of driving.
 
     Attributes:
@@ -72,9 +72,9 @@ class Stack(NamedTuple):
         """Shape of arrays of all layers."""
         return (self.layers - 1) * self.pitch + self.grid.height, self.grid.width
 
-    def layer(self, number: int) -> Layer:
+    def layer(self, number: int) -> DrivingLayer:
         """A layer by its number."""
-        return Layer(number % self.sheets, number >= self.sheets)
+        return DrivingLayer(number % self.sheets, number >= self.sheets)
 
     def flat_rows(self, rows: Any) -> Any:
         """Rows of the grid of rows of all layers."""
@@ -181,7 +181,7 @@ class LayerPainter:
         self._sheets = sheet_of_elements(terrain)
         self._kept: OrderedDict[Window, Solids | None] = OrderedDict()
 
-    def find(self, window: Window, layer: Layer) -> LayerGround | None:
+    def find(self, window: Window, layer: DrivingLayer) -> LayerGround | None:
         """The ground of a layer; None where no storeys are near, nor within reach."""
         more = 2 * self._reach  # a way to what is shown is no longer, nor one to what parts tops
         solids = self._solids(
@@ -198,7 +198,7 @@ class LayerPainter:
             _SolidArrays(*solids[:3]),
             layer.sheet, layer.apart, self._rise, 2 * self._reach, shown,
         )  # fmt: skip
-        if layer == Layer(0, False):
+        if layer == DrivingLayer(0, False):
             # where nothing is solid the ground has a void
             shown.own[solids.sheet[0] < 0] = True
         inner = np.s_[more : more + window.height, more : more + window.width]
