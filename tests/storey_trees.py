@@ -150,7 +150,7 @@ def sprinkle(draw: Draw, node: Json, types: dict[str, Json], *, factored: bool =
     Where a factor may be negative, the other face has a primitive.
     """
     kind = draw(kinds())
-    if kind is None or "part" in node:
+    if kind is None or node.get("type") not in types:
         return
     radial = is_radial(types[node["type"]])
     alike = [name for name, primitive in types.items() if is_radial(primitive) is radial]
@@ -179,7 +179,12 @@ def file_sets_with_storeys(draw: Draw, plain: st.SearchStrategy[FileSet]) -> Fil
     types = {name: value for name, (value, _) in reading.known("elemTypes").items()}
     for file, text in files.items():
         known = composition.Reading(files, file).known("elemTypes")
-        seen = {name: types[name] for name in known}
+        # a file is checked by itself, too, and may know another primitive by a name
+        seen = {
+            name: types[name]
+            for name, (own, _) in known.items()
+            if is_radial(own) == is_radial(types[name])
+        }
         if file == MAIN:
             for node in below_root(text["elemTree"]):
                 sprinkle(draw, node, seen, factored=True)

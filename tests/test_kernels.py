@@ -341,6 +341,8 @@ def test_an_index_of_rays_is_made_of_a_field_and_its_cells() -> None:
 def test_indices_of_storeys_are_those_of_their_fields() -> None:
     storeys, index = known("Storeys"), known("RayIndex")
     with pytest.raises(TypeError, match=r"StoreyRayIndex\(\): a sheet leads nowhere"):
+        kernels.field.StoreyRayIndex(storeys, index, ())
+    with pytest.raises(TypeError, match=r"StoreyRayIndex\(\): tops leads nowhere"):
         kernels.field.StoreyRayIndex(storeys, index, [(index, index)])
     with pytest.raises(TypeError, match=r"StoreyRayIndex\(\): index must be a "):
         kernels.field.StoreyRayIndex(storeys, storeys, ())

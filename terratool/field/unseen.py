@@ -65,6 +65,7 @@ def _unseen(terrain: Terrain, storeys: Storeys) -> Iterator[UnseenStorey]:
     of = np.where(ends >= FIRST_STOREY, home[np.maximum(ends - FIRST_STOREY, 0)], -1)
     met = np.zeros(len(numbers), np.bool_)
     met[storey[(of == storey[:, None]).any(axis=1)]] = True
+    met |= _cut_through(terrain, storeys, x, y, storey)
     points = np.bincount(storey, minlength=len(numbers))
     counts: dict[str, int] = {}
     for number, is_met, count in zip(numbers.tolist(), met, points.tolist(), strict=True):
@@ -72,6 +73,43 @@ def _unseen(terrain: Terrain, storeys: Storeys) -> Iterator[UnseenStorey]:
         before = counts.get(pointer, 0)
         counts[pointer] = -1 if is_met or before < 0 else before + count
     yield from (UnseenStorey(pointer, count) for pointer, count in counts.items() if count > 0)
+
+
+def _cut_through(
+    terrain: Terrain,
+    storeys: Storeys,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    storey: NDArray[np.int64],
+) -> NDArray[np.bool_]:
+    """Mask of the bores that may leave no face of their own, as they go through all that is there.
+
+    Args:
+        terrain: the terrain.
+        storeys: its storeys.
+        x: (n,) world positions.
+        y: (n,) world positions.
+        storey: (n,) number of the storey that each point is of.
+    """
+    ground = terrain.ground_alone.height(x, y)
+    numbers, parent = storeys.table.numbers - FIRST_STOREY, storeys.written.parent
+    is_own = np.zeros(len(parent), np.bool_)
+    is_own[numbers] = True
+    found = np.zeros(len(numbers), np.bool_)
+    for sheet in storeys.sheets:
+        if not sheet.is_bore:
+            continue
+        own = np.unique(sheet.storeys[sheet.storeys >= 0])
+        here = np.flatnonzero(np.isin(storey, own))
+        floor = sheet.top.height(x[here], y[here])
+        deep = ~np.isnan(sheet.face.height(x[here], y[here]))
+        found[storey[here[deep & ~(floor >= ground[here]) & ~np.isnan(ground[here])]]] = True
+        for number in own.tolist():  # of those in storeys, nothing is said
+            above = int(parent[numbers[number]])
+            while above >= 0 and not is_own[above]:
+                above = int(parent[above])
+            found[number] |= above >= 0
+    return found
 
 
 def _grid(

@@ -184,7 +184,7 @@ def test_differences_of_storeys_are_told_by_their_keys(site: Path) -> None:
     told = changed(site, {"under": "rise", "vScale": 2, "vOffset": -1})
     assert "deck under up, vOffset -1 → under rise, vScale 2, vOffset -1" in told
     told = changed(site, {"under": "rise", "vScale": 1, "vOffset": -1, "datum": False})
-    assert "deck" not in told
+    assert "deck under" not in told and "deck thickness" not in told
 
 
 def test_an_edit_of_an_underside_names_the_decks(site: Path) -> None:

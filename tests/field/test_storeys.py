@@ -38,6 +38,8 @@ from tests.strategies import Point, definitions, landmarks, rims
 from tests.strategies import points as st_points
 
 Json = dict[str, Any]
+EXACT = 1e-11
+"""How far columns may be off where heights and edges are doubles to the last bit."""
 TOLERANCE = 2e-6
 """How far curves that are cut in pieces may be off, as in tests/field/test_properties.py."""
 
@@ -83,13 +85,17 @@ def test_the_reduction_to_plain_terrains_agrees_with_columns_by_hand(name: str) 
 
 
 def unsure(oracle: Storeys, x: float, y: float, within: float) -> bool:
-    """Whether rounding decides which of two faces is the higher one, or what holds the point."""
+    """Whether rounding decides which of two faces is the higher one, or what holds the point.
+
+    Faces that are equal are so only where all is exact.
+    """
+    least = 0.0 if within > EXACT else math.ulp(0.0)
     if oracle.margin(x, y) <= 1e-9:
         return True
     ground, storeys = oracle.faces(x, y)
     faces = [ground.z, *(z for one in storeys for z in (one.top.z, one.other))]
     faces = sorted(z for z in faces if not math.isnan(z))
-    if any(0 < b - a <= within for a, b in pairwise(faces)):
+    if any(least <= b - a <= within for a, b in pairwise(faces)):
         return True
     tops = [one.top for one in combined(ground, storeys)]
     heights = [z for track in oracle.plain.tracks for z in track.heights(x, y)]
@@ -165,7 +171,7 @@ def test_a_terrain_has_the_columns_by_hand(name: str) -> None:
         assert alike(column, wanted, 1e-7), (worked, column)
 
 
-@settings(max_examples=5)
+@settings(max_examples=4)
 @given(st.data())
 def test_columns_are_those_of_the_format(data: st.DataObject) -> None:
     """Also where faces meet: a top and a ground, an underside and a ceiling, and their like."""
