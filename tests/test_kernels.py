@@ -28,7 +28,6 @@ from terratool.mesh.types import COVERING_ELEMENT, Regions, Triangulation
 from terratool.traversability.parameters import SoilSamples, soil_table, vehicle_params
 from tests.conftest import terrain_of
 from tests.programs import program
-from tests.storey_examples import DEFINITIONS
 from tests.surveys import ROVER, level_costs
 
 ROOT = Path(__file__).parents[1]
@@ -41,7 +40,7 @@ TERRAIN = terrain_of(
 
 NO_STOREYS = (
     StoreyTable(np.zeros(0), np.zeros(0, np.int64), np.zeros(0, np.int32)),
-    StoreyLattice(np.array([0.0, 0, 1, 1]), np.zeros((1, 1), np.uint64)),
+    StoreyLattice(np.array([0.0, 0, 1, 1]), np.zeros((1, 1), np.uint64), np.full((1, 1), np.nan)),
 )
 """A table and a lattice of no storeys."""
 
@@ -79,10 +78,6 @@ def known(kind: str) -> Any:
         return kernels.field.StoreyRayIndex(known("Storeys"), known("RayIndex"), ())
     if kind == "WallFinder":
         return kernels.field.WallFinder(TERRAIN.field, edges)
-    if kind == "Storeys":
-        storeys = terrain_of(DEFINITIONS["bridge"]).storeys
-        assert storeys is not None
-        return storeys.field
     if kind == "VehicleOnSoils":
         soils = soil_table(TERRAIN, ROVER)
         return kernels.traversability.VehicleOnSoils(vehicle_params(ROVER), *soils)
