@@ -423,9 +423,7 @@ private:
 };
 
 inline void top_heights(const Storeys& storeys, In x, In y, In below, Out height) {
-    if (!storeys.sheets.empty()) return TopHeights(storeys).put(x, y, below, height);
-    for (std::size_t n = 0; n < below.size(); ++n)
-        if (!(height[n] <= below[n])) height[n] = NaN;
+    TopHeights(storeys).put(x, y, below, height);
 }
 
 }  // namespace terratool

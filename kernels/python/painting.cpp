@@ -71,7 +71,6 @@ private:
         std::unique_ptr<ColumnPainting<Id>> above;
         if (!given.is_none()) {
             const Storeys& storeys = Argument<Storeys>(given, where("storeys")).get();
-            check_index(!storeys.sheets.empty(), "a sheet of storeys");
             storeys_ = storeys.table.gaps.size();
             above = std::make_unique<ColumnPainting<Id>>(field_, storeys, slopes_, labels_);
         }

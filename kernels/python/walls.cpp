@@ -48,7 +48,7 @@ public:
           nonzero_(nonzero_edges, where("nonzero_edges")),
           finder(
               Argument<Field>(field, where("field")).get(), nonzero_.get(),
-              storeys.is_none() ? nullptr : some(Argument<Storeys>(storeys, where("storeys")).get())
+              storeys.is_none() ? nullptr : &Argument<Storeys>(storeys, where("storeys")).get()
           ) {
         check_index(
             nonzero_.get().size() == Argument<Field>(field, where("field")).get().kinds.size(),
@@ -58,10 +58,6 @@ public:
 
 private:
     static constexpr IndexCheck check_index{"WallFinder"};
-    static const Storeys* some(const Storeys& storeys) {
-        check_index(!storeys.sheets.empty(), "a sheet of storeys");
-        return &storeys;
-    }
     Sizes sizes_;
     nb::object kept_, kept_storeys_;
     Argument<Span<const u8>> nonzero_;
