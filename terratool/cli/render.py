@@ -197,7 +197,7 @@ def command(
     _refuse_own(output, (file, options["vehicle"]))
     check_request(output, wanted, overwrite)
     early = None if wanted.profile is None else partial(check_section, wanted.profile)
-    terrain = load(file, wanted.bounds, early, storeys="noted")
+    terrain = load(file, wanted.bounds, early, storeys="kept")
     with StatusLine("drawing") as status:
         report = render(terrain, output, wanted, overwrite=overwrite, progress=status.say)
     if as_json:

@@ -165,8 +165,11 @@ def surface_colors(terrain: Terrain) -> tuple[NDArray[np.uint8], list[str]]:
 
 
 def paint_ground(terrain: Terrain, grid: Grid, slopes: bool = False) -> Planes:
-    """Paint heights, surfaces and, if wanted, slopes at the pixels of a grid, in parallel."""
-    painter = Painter(terrain, grid, np.float64, slopes=slopes)
+    """Paint heights, surfaces and, if wanted, slopes at the pixels of a grid, in parallel.
+
+    Where there are storeys, they are those of the highest tops.
+    """
+    painter = Painter(terrain, grid, np.float64, slopes=slopes, storeys=0)
     whole = painter.blank(grid.whole)
     windows = list(grid.windows(_ROWS, grid.width))
 

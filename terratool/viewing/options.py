@@ -100,6 +100,11 @@ class RenderOptions:
         self._check_views()
 
     @property
+    def has_storeys(self) -> bool:
+        """Whether the picture shows the decks and bores of a terrain."""
+        return self.perspective and self.vehicle is None
+
+    @property
     def has_legend(self) -> bool:
         """Whether the picture has a legend."""
         return self.legend and not self.bare
