@@ -24,7 +24,8 @@ from terratool.report.documents import Document
 
 # equal to those of terratool.viewing.layers, which is not imported for --help; a test checks
 LAYERS = (
-    "height", "slope", "surface", "friction", "traversability", "traversability-worst", "foothold",
+    "height", "slope", "surface", "friction", "clearance", "storeys", "traversability",
+    "traversability-worst", "foothold",
 )  # fmt: skip
 
 

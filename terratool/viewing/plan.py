@@ -287,7 +287,9 @@ def _narrow_note(terrain: Terrain, part: Bounds, pixel: float) -> list[str]:
     whole = terrain.written_out_or_none
     if whole is None:
         return []
-    west, south, east, north = whole.footprints()
+    sheets = () if whole.storeys is None else whole.storeys.sheets
+    own = (sheet.top.footprints()[:, sheet.storeys >= 0] for sheet in sheets)
+    west, south, east, north = np.concatenate([whole.footprints(), *own], axis=1)
     there = (west < part[2]) & (east > part[0]) & (south < part[3]) & (north > part[1])
     count = int(np.count_nonzero(there & (np.minimum(east - west, north - south) < pixel)))
     return [f"Narrower than a pixel: {count_of(count, 'element')}."] if count else []
