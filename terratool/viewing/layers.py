@@ -180,6 +180,7 @@ def paint_ground(terrain: Terrain, grid: Grid, layer: Layer = LAYERS["surface"])
     def paint(window: Any) -> None:
         """Paint the rows of a window."""
         rows = slice(window.row, window.row + window.height)
+        plane: Any
         for plane, part in zip(whole, painter.paint(window), strict=True):
             if plane is not None:
                 plane[..., rows, :] = part

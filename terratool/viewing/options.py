@@ -102,7 +102,7 @@ class RenderOptions:
     @property
     def has_storeys(self) -> bool:
         """Whether the picture shows the decks and bores of a terrain."""
-        return self.profile is None and self.vehicle is None
+        return self.vehicle is None
 
     @property
     def has_legend(self) -> bool:

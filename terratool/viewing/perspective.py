@@ -272,7 +272,9 @@ def _block(
     built = collapse_degenerate(build_all(whole, error, options.bounds, base="below"))
     if not len(built.mesh.faces):
         raise no_ground()
-    return _mesh_block(built, whole), f"{count_of(len(built.mesh.faces), 'face')} within {metres(error)}"
+    return _mesh_block(
+        built, whole
+    ), f"{count_of(len(built.mesh.faces), 'face')} within {metres(error)}"
 
 
 def _mesh_block(built: BuiltMesh, terrain: Terrain) -> Block:

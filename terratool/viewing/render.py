@@ -13,7 +13,7 @@ from terratool.traversability.judge import Judge
 from terratool.viewing.options import RenderOptions, RenderReport, picture_format
 from terratool.viewing.perspective import draw_perspective
 from terratool.viewing.plan import Drawn, draw_plan
-from terratool.viewing.profile import draw_section
+from terratool.viewing.section_sheet import draw_section
 from terratool.viewing.sheet import encoded, require_matplotlib, settings, write
 
 if TYPE_CHECKING:

@@ -82,16 +82,15 @@ class SolidSection:
     @property
     def outline(self) -> tuple[Floats, Floats]:
         """Distances and heights of the lines around what is solid, with NaN between two lines."""
-        apart = [math.nan]
-        distances, heights = [], []
+        apart, distances, heights = np.array([math.nan]), [], []
         for one in self.solids:
             for end in (one.top, one.bottom):
                 if np.isfinite(end).all():
                     distances += [one.distance, apart]
                     heights += [end, apart]
         for place, low, high in self.walls.tolist():
-            distances += [[place, place], apart]
-            heights += [[low, high], apart]
+            distances += [np.array([place, place]), apart]
+            heights += [np.array([low, high]), apart]
         return np.concatenate(distances), np.concatenate(heights)
 
 
@@ -174,14 +173,15 @@ def solid_section(terrain: Terrain, storeys: Storeys, line: Line) -> SolidSectio
             np.abs(np.diff(columns.top, axis=0)), np.abs(np.diff(columns.bottom, axis=0))
         )
     ends = np.flatnonzero(changes | (gaps & (np.nan_to_num(jumps) > level).any(axis=1)))
-    solids, walls = [], []
+    solids: list[Solid] = []
+    walls: list[tuple[float, float, float]] = []
     for begin, end in pairwise([0, *(ends + 1).tolist(), len(places)]):
         part = slice(begin, end)
         solids += _solids(places[part], columns, part, SHAPE * (span or 1.0))
     for end in ends.tolist():
         sides = _differences(columns, end)
         walls += [(places[end + 1], low, high) for low, high in sides if high - low > level]
-    return SolidSection(line, tuple(solids), np.array(walls, float).reshape(-1, 3))
+    return SolidSection(line, _joined(solids, level), np.array(walls, float).reshape(-1, 3))
 
 
 def _changes(columns: _Columns) -> NDArray[np.bool_]:
@@ -223,6 +223,31 @@ def _solids(distance: Floats, columns: _Columns, part: slice, tolerance: float) 
         if np.isfinite(bottom[0]):
             kept = np.union1d(kept, shape_points(distance, bottom, level, fixed, tolerance))
         yield Solid(distance[kept], bottom[kept], top[kept], surface)
+
+
+def _joined(solids: list[Solid], level: float) -> tuple[Solid, ...]:
+    """Solids, those of one surface that go on in each other as one."""
+    found: list[Solid] = []
+    last: dict[float, list[int]] = {}  # by the distance at which they end
+    for one in solids:
+        begin = float(one.distance[0])
+        for at in last.get(begin, []) + last.get(float(np.nextafter(begin, -np.inf)), []):
+            before = found[at]
+            sides = (before.top[-1], one.top[0]), (before.bottom[-1], one.bottom[0])
+            same = all(x == y or abs(x - y) <= level for x, y in sides)
+            if before.surface == one.surface and same:
+                found[at] = Solid(
+                    np.concatenate([before.distance, one.distance]),
+                    np.concatenate([before.bottom, one.bottom]),
+                    np.concatenate([before.top, one.top]),
+                    one.surface,
+                )
+                break
+        else:
+            at = len(found)
+            found.append(one)
+        last.setdefault(float(one.distance[-1]), []).append(at)
+    return tuple(found)
 
 
 def _differences(columns: _Columns, place: int) -> list[tuple[float, float]]:
