@@ -94,6 +94,12 @@ def _refuse_interval(interval: float) -> None:
         help="Draw contours so far apart, in units of the terrain; by itself about eight.",
     ),
     click.option(
+        "--cut",
+        type=float,
+        metavar="Z",
+        help="Draw the highest tops that are not above Z: a lower storey without what is over it.",
+    ),
+    click.option(
         "--grid", is_flag=True, help="Draw nested cells, and what elements are said to be."
     ),
 )

@@ -19,7 +19,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.mesh.build import GREY
 from terratool.mesh.formats.common import NO_COLOR
-from terratool.raster.grid import Grid, grid_over
+from terratool.raster.grid import Grid, Window, grid_over
 from terratool.raster.layers import LAYERS, Layer, LayerBands, SurfaceValues, layer_painter
 from terratool.raster.painter import COLUMN_BANDS, Painter, Planes
 from terratool.report.wording import join_words
@@ -148,6 +148,13 @@ class LayerPicture:
             classes=None if self.classes is None else self.classes[part],
         )
 
+    def named(self, label: str, other: str) -> LayerPicture:
+        """The layer with other words for a line of its legend."""
+        swatches = (
+            one._replace(label=other) if one.label == label else one for one in self.key.swatches
+        )
+        return replace(self, key=self.key._replace(swatches=tuple(swatches)))
+
 
 def surface_colors(terrain: Terrain) -> tuple[NDArray[np.uint8], list[str]]:
     """Colours by id, (surfaces + 1, 3) uint8, and names of surfaces whose colour is chosen here.
@@ -190,12 +197,35 @@ def paint_ground(terrain: Terrain, grid: Grid, layer: Layer = LAYERS["surface"])
     return whole
 
 
+def paint_below(terrain: Terrain, grid: Grid, cut: float) -> Planes:
+    """Paint heights, surfaces and slopes of the highest tops that are not above a height."""
+    painter = Painter(terrain, grid, np.float64, slopes=True)
+    whole = painter.blank(grid.whole)
+
+    def paint(window: Window) -> None:
+        """Paint the rows of a window."""
+        x, y = np.meshgrid(grid.columns(window), grid.rows(window))
+        found = terrain.sample(x, y, below=cut)
+        rows = slice(window.row, window.row + window.height)
+        part = whole.part(rows, slice(None))
+        assert part.surfaces is not None
+        assert part.slope_x is not None and part.slope_y is not None
+        part.heights[:], part.surfaces[:] = found.height, found.surface + 1
+        part.slope_x[:] = -found.normal[..., 0] / found.normal[..., 2]
+        part.slope_y[:] = -found.normal[..., 1] / found.normal[..., 2]
+
+    for _ in prefetch(paint, list(grid.windows(_ROWS, grid.width)), processors()):
+        pass
+    return whole
+
+
 def layer_picture(
     terrain: Terrain,
     grid: Grid,
     layer: str,
     judge: Judge | None = None,
     progress: Callable[[str], object] = lambda _: None,
+    cut: float | None = None,
 ) -> LayerPicture:
     """Paint a layer at the pixels of a grid.
 
@@ -205,6 +235,7 @@ def layer_picture(
         layer: name of the layer, one of `NAMES`.
         judge: vehicle of the layers of `JUDGED`; None for other layers.
         progress: called with words on the step that begins.
+        cut: height above which nothing is shown; None to show all.
 
     Raises:
         RequestError: no surface has the figure of the layer; there is no ground; or the ground is
@@ -216,8 +247,12 @@ def layer_picture(
     if shown.columns:
         _refuse_single_tops(terrain, layer)
     progress("painting")
-    planes = paint_ground(terrain, grid, shown)
+    planes = paint_ground(terrain, grid, shown) if cut is None else paint_below(terrain, grid, cut)
     ground = ~np.isnan(planes.heights)
+    if cut is not None and not ground.any():
+        raise RequestError(
+            f"No top lies below the cut at {cut:,.6g}.", "Give a greater height, or other bounds."
+        )
     if not ground.any():
         raise RequestError(
             "There is no ground to be drawn: all of it is void.", "Choose other bounds."

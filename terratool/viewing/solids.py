@@ -31,7 +31,7 @@ Floats = NDArray[np.float64]
 Longs = NDArray[np.int64]
 
 
-class Solid(NamedTuple):
+class SolidStretch(NamedTuple):
     """A stretch of an interval of the columns along a line.
 
     Attributes:
@@ -49,7 +49,7 @@ class Solid(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class SolidSection:
-    """What is solid along a line.
+    """Solid stretches along a line.
 
     Attributes:
         line: x and y of both ends, world units.
@@ -58,7 +58,7 @@ class SolidSection:
     """
 
     line: Line
-    solids: tuple[Solid, ...]
+    solids: tuple[SolidStretch, ...]
     walls: Floats
 
     @property
@@ -94,7 +94,7 @@ class SolidSection:
         return np.concatenate(distances), np.concatenate(heights)
 
 
-class _Columns(NamedTuple):
+class _LineColumns(NamedTuple):
     """Columns at places along a line.
 
     Attributes:
@@ -120,7 +120,7 @@ class _Probe:
     def __init__(self, terrain: Terrain, line: LineProbe, most: int) -> None:
         self._terrain, self._line, self._most = terrain, line, most
 
-    def at(self, distance: Floats) -> _Columns:
+    def at(self, distance: Floats) -> _LineColumns:
         """Columns at distances."""
         found = self._terrain.column(*self._line.points(distance))
         more = ((0, 0), (0, self._most - found.top.shape[1]))
@@ -130,7 +130,7 @@ class _Probe:
         bottom, top = ends
         kind = np.stack(kinds, axis=1)
         kind[:, 1:][np.isnan(top)[:, None].repeat(2, axis=1)] = -2  # not a top without element
-        return _Columns(bottom, top, kind)
+        return _LineColumns(bottom, top, kind)
 
 
 def solid_section(terrain: Terrain, storeys: Storeys, line: Line) -> SolidSection:
@@ -173,7 +173,7 @@ def solid_section(terrain: Terrain, storeys: Storeys, line: Line) -> SolidSectio
             np.abs(np.diff(columns.top, axis=0)), np.abs(np.diff(columns.bottom, axis=0))
         )
     ends = np.flatnonzero(changes | (gaps & (np.nan_to_num(jumps) > level).any(axis=1)))
-    solids: list[Solid] = []
+    solids: list[SolidStretch] = []
     walls: list[tuple[float, float, float]] = []
     for begin, end in pairwise([0, *(ends + 1).tolist(), len(places)]):
         part = slice(begin, end)
@@ -184,7 +184,7 @@ def solid_section(terrain: Terrain, storeys: Storeys, line: Line) -> SolidSectio
     return SolidSection(line, _joined(solids, level), np.array(walls, float).reshape(-1, 3))
 
 
-def _changes(columns: _Columns) -> NDArray[np.bool_]:
+def _changes(columns: _LineColumns) -> NDArray[np.bool_]:
     """Whether columns are of another kind than the next ones."""
     found: NDArray[np.bool_] = (columns.kind[1:] != columns.kind[:-1]).any(axis=(1, 2))
     return found
@@ -209,7 +209,9 @@ def _with_changes(probe: _Probe, places: Floats) -> Floats:
     return places
 
 
-def _solids(distance: Floats, columns: _Columns, part: slice, tolerance: float) -> Iterator[Solid]:
+def _solids(
+    distance: Floats, columns: _LineColumns, part: slice, tolerance: float
+) -> Iterator[SolidStretch]:
     """Intervals of columns of one kind, with the points that their shapes need."""
     if len(distance) < 2:
         return
@@ -222,12 +224,12 @@ def _solids(distance: Floats, columns: _Columns, part: slice, tolerance: float) 
         kept = shape_points(distance, top, level, fixed, tolerance)
         if np.isfinite(bottom[0]):
             kept = np.union1d(kept, shape_points(distance, bottom, level, fixed, tolerance))
-        yield Solid(distance[kept], bottom[kept], top[kept], surface)
+        yield SolidStretch(distance[kept], bottom[kept], top[kept], surface)
 
 
-def _joined(solids: list[Solid], level: float) -> tuple[Solid, ...]:
+def _joined(solids: list[SolidStretch], level: float) -> tuple[SolidStretch, ...]:
     """Solids, those of one surface that go on in each other as one."""
-    found: list[Solid] = []
+    found: list[SolidStretch] = []
     last: dict[float, list[int]] = {}  # by the distance at which they end
     for one in solids:
         begin = float(one.distance[0])
@@ -236,7 +238,7 @@ def _joined(solids: list[Solid], level: float) -> tuple[Solid, ...]:
             sides = (before.top[-1], one.top[0]), (before.bottom[-1], one.bottom[0])
             same = all(x == y or abs(x - y) <= level for x, y in sides)
             if before.surface == one.surface and same:
-                found[at] = Solid(
+                found[at] = SolidStretch(
                     np.concatenate([before.distance, one.distance]),
                     np.concatenate([before.bottom, one.bottom]),
                     np.concatenate([before.top, one.top]),
@@ -250,7 +252,7 @@ def _joined(solids: list[Solid], level: float) -> tuple[Solid, ...]:
     return tuple(found)
 
 
-def _differences(columns: _Columns, place: int) -> list[tuple[float, float]]:
+def _differences(columns: _LineColumns, place: int) -> list[tuple[float, float]]:
     """Heights that are solid on one side of a place alone, as intervals from below."""
     ends: list[float] = []
     for row in (place, place + 1):

@@ -185,3 +185,37 @@ def test_a_section_of_bridges_leaves_nothing_out(tmp_path: Path) -> None:
     report = render(terrain, tmp_path / "p.svg", options)
     assert not [note for note in report.notes if "shown" in note]
     assert '<g id="ground">' in (tmp_path / "p.svg").read_text("utf-8")
+
+
+# --- cuts -----------------------------------------------------------------------------------------
+
+
+def test_a_plan_that_is_cut_at_a_height(tmp_path: Path) -> None:
+    """Below the upper roof the sand is seen again; the lower one stays, down to its very top."""
+    terrain = plate(*ROOFS, {**FLAT, "at": [4, 13], "extent": [6, 2], "vScale": 2})
+    options = RenderOptions(pixels=640, dpi=72.0, cut=3.5)
+    report = render(terrain, tmp_path / "p.png", options)
+    ground = Ground(tmp_path / "p.png")
+    assert hue_of(ground.at(32 / 40, 12 / 16)) == hue_of(SAND)
+    assert hue_of(ground.at(22 / 40, 2 / 16)) == hue_of(RED)
+    assert np.ptp(ground.at(4 / 40, 13 / 16)) == 0  # solid up to 4: hatched
+    assert "surface below 3.5;" in report.what and "heights from 2 to 3.5" in report.what
+    lower = layer_picture(terrain, grid_over(terrain, 0.5), "slope", cut=3.4)
+    assert lower.heights[[7, 27, 7], [64, 44, 44]].tolist() == [2, 2, 2]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"cut": math.nan}, "The cut is at nan."),
+        ({"cut": 1.5}, "No top lies below the cut at 1.5."),
+        ({"cut": 3.0, "perspective": True}, "--cut is about plans, not a perspective."),
+        ({"cut": 3.0, "profile": (100, 201, 139, 209)}, "--cut is about plans, not a section."),
+        ({"cut": 3.0, "layer": "clearance"}, "The layer clearance is not cut."),
+    ],
+)
+def test_cuts_that_make_no_sense(options: dict[str, Any], said: str, tmp_path: Path) -> None:
+    with pytest.raises(RequestError) as error:
+        render(plate(*ROOFS), tmp_path / "p.png", RenderOptions(**options))
+    assert error.value.message == said
+    assert not [*tmp_path.iterdir()]
