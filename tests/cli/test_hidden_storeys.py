@@ -58,6 +58,7 @@ def test_tiles_and_grids_keep_the_sentence_with_their_losses(bridge: Path, tmp_p
     assert plain.err == "" and "storeys" not in json.loads(plain.out)["losses"]
 
 
+@pytest.mark.nightly
 def test_notes_of_reports(bridge: Path, tmp_path: Path) -> None:
     """Where a report has notes, they say it, and standard error does not say it again."""
     layer = ("--layer", "traversability", "--vehicle", ROVER, "--pixels", 450)

@@ -87,6 +87,7 @@ def test_pixels_are_columns(name: str) -> None:
         assert_columns(terrain, grid)
 
 
+@pytest.mark.slow
 @given(definition=lattices())
 @settings(max_examples=examples(25), deadline=None)
 def test_pixels_where_faces_often_meet(definition: Any) -> None:
