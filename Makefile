@@ -92,6 +92,7 @@ bench: $(VENV)/.installed-bench-$(VARIANTS)  ## Measure speed and memory, as rat
 	$(BIN)/python benchmarks/heights.py
 	$(BIN)/python benchmarks/casting.py
 	$(BIN)/python benchmarks/painting.py
+	$(BIN)/python benchmarks/storeys.py
 	$(BIN)/python benchmarks/exporting.py
 	$(BIN)/python benchmarks/compiling.py
 	$(BIN)/python benchmarks/validating.py
@@ -142,6 +143,7 @@ kills: $(VENV)/.installed-test-$(VARIANTS)  ## End 1,000 commands that write at 
 fuzz-terrains: $(VENV)/.installed-test-$(VARIANTS)  ## Compare thousands of random terrains with the slow reading
 	TERRATOOL_FUZZ=5000 $(BIN)/python -m pytest tests/field/test_properties.py
 	TERRATOOL_FUZZ=2500 $(BIN)/python -m pytest tests/field/test_rays.py
+	TERRATOOL_FUZZ=1000 $(BIN)/python -m pytest tests/field/test_storeys.py tests/field/test_storey_rays.py
 
 fuzz-expressions: $(VENV)/.installed-test-$(VARIANTS)  ## Try 100,000 strings as curves, each in 50 ms at most
 	$(BIN)/python benchmarks/expressions.py

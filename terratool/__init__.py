@@ -37,6 +37,7 @@ _HOMES = {
     "ReadError": "terratool.errors:ReadError",
     "RequestError": "terratool.errors:RequestError",
     "WriteError": "terratool.errors:WriteError",
+    "StoreysWarning": "terratool.errors:StoreysWarning",
 }
 """Public names, each with the module and the name where it stands."""
 

@@ -28,6 +28,7 @@ from terratool.errors import DefinitionError as DefinitionError
 from terratool.errors import MissedError as MissedError
 from terratool.errors import ReadError as ReadError
 from terratool.errors import RequestError as RequestError
+from terratool.errors import StoreysWarning as StoreysWarning
 from terratool.errors import TerratoolError as TerratoolError
 from terratool.errors import WriteError as WriteError
 from terratool.importing.primitive.build import Combine, ImportedPrimitive
@@ -60,6 +61,7 @@ __all__ = [
     "ReadError",
     "RequestError",
     "Sensor",
+    "StoreysWarning",
     "Terrain",
     "TerratoolError",
     "Vehicle",
@@ -202,6 +204,7 @@ class Terrain(ShownTerrain):
         vehicle: str | Path | None = None,
         bounds: Bounds | None = None,
         contours: Contours = None,
+        cut: float | None = None,
         grid: bool = False,
         profile: Line | None = None,
         perspective: bool = False,
@@ -227,6 +230,7 @@ class Terrain(ShownTerrain):
         vehicle: str | Path | None = None,
         bounds: Bounds | None = None,
         contours: Contours = None,
+        cut: float | None = None,
         grid: bool = False,
         profile: Line | None = None,
         perspective: bool = False,
@@ -661,6 +665,8 @@ class Definition:
         part: str | None = None,
         surface: str | None = None,
         surface_grid: Mapping[str, Any] | None = None,
+        deck: Mapping[str, Any] | None = None,
+        bore: Mapping[str, Any] | None = None,
         v_scale: float | None = None,
         v_offset: float | None = None,
         turn_deg: float | None = None,
@@ -696,6 +702,8 @@ class Definition:
         part: str | None = None,
         surface: str | None = None,
         surface_grid: Mapping[str, Any] | None = None,
+        deck: Mapping[str, Any] | None = None,
+        bore: Mapping[str, Any] | None = None,
         v_scale: float | None = None,
         v_offset: float | None = None,
         turn_deg: float | None = None,
@@ -721,6 +729,8 @@ class Definition:
         part: str | None = None,
         surface: str | None = None,
         surface_grid: Mapping[str, Any] | None = None,
+        deck: Mapping[str, Any] | None = None,
+        bore: Mapping[str, Any] | None = None,
         v_scale: float | None = None,
         v_offset: float | None = None,
         turn_deg: float | None = None,
@@ -777,6 +787,8 @@ class Element:
         part: str | None = None,
         surface: str | None = None,
         surface_grid: Mapping[str, Any] | None = None,
+        deck: Mapping[str, Any] | None = None,
+        bore: Mapping[str, Any] | None = None,
         v_scale: float | None = None,
         v_offset: float | None = None,
         turn_deg: float | None = None,

@@ -92,3 +92,18 @@ def interruption(error: BaseException | None) -> BaseException | None:
             return error
         error = error.__cause__ or error.__context__
     return None
+
+
+class StoreysWarning(UserWarning):
+    """A result is of the ground alone, without the decks and bores of the terrain."""
+
+
+def warn_outside(message: str, category: type[Warning]) -> None:
+    """Warn at the line outside of the package that led here."""
+    import inspect
+    import warnings
+
+    level, frame = 1, inspect.currentframe()
+    while frame is not None and frame.f_globals.get("__name__", "").startswith("terratool."):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, category, stacklevel=level)

@@ -70,6 +70,10 @@ def scatter_of(value: Json) -> Scatter:
     )  # fmt: skip
 
 
+_HEIGHTS = ("thickness", "height", "vScale", "vOffset")
+"""Keys of decks and bores that factors multiply."""
+
+
 def both(value: Any) -> list[Any]:
     return value if isinstance(value, list) else [value, value]
 
@@ -151,6 +155,17 @@ class Reading:
         found |= {"descr": said[0]} if said else {}
         found |= {} if surface is None else {"surface": surface}
         found |= {"surfaceGrid": root["surfaceGrid"]} if "surfaceGrid" in root else {}
+        for key in ("deck", "bore"):
+            if key in root:
+                storey = root[key] | (
+                    {}
+                    if not {"under", "roof"} & root[key].keys()
+                    else {"vScale": root[key].get("vScale", 1)}
+                )
+                found[key] = {
+                    name: float(Fraction(value) * factor) if name in _HEIGHTS else value
+                    for name, value in storey.items()
+                }
         below = Around(home, factor, quarters, around.sides, name, around.pointer)
         children = [
             child

@@ -19,6 +19,7 @@ from tests.strategies import (
     Draw,
     Json,
     Sides,
+    beneath,
     free_places,
     grids_of_heights,
     knots,
@@ -27,6 +28,7 @@ from tests.strategies import (
     origins,
     places,
     sizes,
+    storeys,
     surface_grids,
     thousandths,
     tracks,
@@ -237,10 +239,10 @@ def _path(user: str, library: str) -> str:
 
 
 @st.composite
-def file_sets(draw: Draw, *, classed: bool = False) -> FileSet:
+def file_sets(draw: Draw, *, classed: bool = False, storeyed: bool = False) -> FileSet:
     """A terrain, and up to three libraries, each of which uses the next one and maybe others.
 
-    With rasters of classes if `classed`.
+    With rasters of classes if `classed`, with decks and bores if `storeyed`.
     """
     order = [MAIN, *LIBRARIES[: draw(st.integers(0, 3))]]
     files: dict[str, Json] = {file: {} for file in order}
@@ -285,6 +287,11 @@ def file_sets(draw: Draw, *, classed: bool = False) -> FileSet:
         later = parts[index + 1 :]
         node = drawn(k, later, frame, 1 + (index < 2), level=name not in tilted)
         files[order[k]].setdefault("parts", {})[name] = node
+    roots = [one for text in files.values() for one in text.get("parts", {}).values()]
+    below = [one for root in (main["elemTree"], *roots) for one in beneath(root)]
+    for node in (*roots, *below) if storeyed else ():
+        if "type" in node and draw(st.booleans()):  # factors may be negative, so without gaps
+            node |= draw(storeys([node["type"]], gaps=False))
     for key in composition.DICTIONARIES:  # the terrain's own names win
         for name, k in homes[key].items():
             if k and draw(st.integers(0, 5)) == 5:

@@ -257,7 +257,7 @@ class Element:
     """One element of the tree in its place, with what it takes from its parent."""
 
     def __init__(self, types: Any, node: Any, cell: Cell, parent: Element | None, k: int) -> None:
-        self.node, self.cell = node, cell
+        self.node, self.cell, self.parent = node, cell, parent
         self.level: int = parent.level + 1 if parent else 0
         self.pointer: str = f"{parent.pointer}/children/{k}" if parent else "/elemTree"
         self.surface: str | None = node.get("surface", parent.surface if parent else None)
@@ -377,7 +377,17 @@ class Track:
 
     def holds(self, x: float, y: float) -> bool:
         """Closed, in plain doubles: this is what the format says, to the last bit."""
-        return any(self.near(*a, *b, x, y) for a, b in pairwise(self.node["path"]))
+        return any(True for _ in self.heights(x, y))
+
+    def heights(self, x: float, y: float) -> Iterator[float]:
+        """Where the segments that hold a point are nearest to it, their heights; nan without."""
+        for a, b in pairwise(self.node["path"]):
+            if self.near(*a[:2], *b[:2], x, y):
+                (ax, ay), (bx, by) = a[:2], b[:2]
+                square = (bx - ax) ** 2 + (by - ay) ** 2
+                foot = (x - ax) * (bx - ax) + (y - ay) * (by - ay)
+                part = clamp(foot / square) if square > 0 else 0.0
+                yield a[2] + part * (b[2] - a[2]) if len(a) > 2 and len(b) > 2 else math.nan
 
     def near(self, ax: float, ay: float, bx: float, by: float, x: float, y: float) -> bool:
         ax, ay, bx, by = map(float, (ax, ay, bx, by))
@@ -463,22 +473,23 @@ class Oracle:
 
     def _rough(self, elements: Answer, x: float, y: float) -> Answer:
         """What tracks, and then the relief of the surface, make of what the elements are."""
-        ground = self._rutted(elements, x, y)
+        over = [k for k, track in enumerate(self.tracks) if track.holds(x, y)]
+        ground = self.rutted(elements, over)
         surface = self.surfaces[ground.surface] if ground.surface is not None else {}
         if "roughness" not in surface:
             return ground
         return replace(ground, z=ground.z + relief(surface["roughness"], x, y))
 
-    def _rutted(self, ground: Answer, x: float, y: float) -> Answer:
-        """What the tracks make of the ground that the elements are."""
-        over = [(k, track) for k, track in enumerate(self.tracks) if track.holds(x, y)]
+    def rutted(self, ground: Answer, over: list[int]) -> Answer:
+        """What some of the tracks make of the ground that the elements are."""
         if not over:
             return ground
-        deepest = max((track for _, track in over), key=lambda t: t.first_pass(ground.surface))
-        passes = sum(track.passes for _, track in over)
+        tracks = [self.tracks[k] for k in over]
+        deepest = max(tracks, key=lambda t: t.first_pass(ground.surface))
+        passes = sum(track.passes for track in tracks)
         sunk = deepest.first_pass(ground.surface) * passes ** (1 / deepest.multipass)
         surface, element = ground.surface, ground.element
-        for k, track in over:
+        for k, track in zip(over, tracks, strict=True):
             if "surface" in track.node:
                 surface, element = track.node["surface"], f"/tracks/{k}"
         return Answer(ground.z - sunk, surface, element)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Iterator
 from copy import deepcopy
 from fractions import Fraction
 from itertools import pairwise
@@ -209,6 +210,30 @@ def surface_grids(surfaces: list[str]) -> st.SearchStrategy[Json]:
 
 
 @st.composite
+def storeys(draw: Draw, faces: list[str], *, gaps: bool = True) -> Json:
+    """A deck or a bore as a member of an element, with one of some primitives or with a gap."""
+    key, gap, face = draw(
+        st.sampled_from([("deck", "thickness", "under"), ("bore", "height", "roof")])
+    )
+    found: Json = {}
+    if gaps and draw(st.booleans()):
+        found[gap] = draw(st.sampled_from([1, 0.25]) | thousandths(0.001, 3))
+    else:
+        found[face] = draw(st.sampled_from(faces))
+        optionally(draw, found, "vScale", st.sampled_from([0, 1, -1]) | numbers(-5, 5))
+        optionally(draw, found, "vOffset", numbers(-10, 10))
+    optionally(draw, found, "datum", st.booleans())
+    return {key: found}
+
+
+def beneath(node: Json) -> Iterator[Json]:
+    """All elements below an element."""
+    for child in node.get("children", []):
+        yield child
+        yield from beneath(child)
+
+
+@st.composite
 def elements(
     draw: Draw,
     types: list[str],
@@ -296,11 +321,13 @@ def definitions(
     free: bool = False,
     gridded: bool = False,
     classed: bool = False,
+    storeyed: bool = False,
 ) -> Json:
     """Valid definitions, of at most four levels and 31 elements.
 
     With tracks if `rutted`, with elements at free places if `free`, with grids of heights if
-    `gridded`, with rasters of classes if `classed`.
+    `gridded`, with rasters of classes if `classed`, with decks, bores and heights of tracks if
+    `storeyed`.
     """
     types = {f"p{k}": draw(primitives(gridded=gridded)) for k in range(draw(st.integers(1, 4)))}
     surfaces = draw(st.lists(st.sampled_from(sorted(SURFACES)), max_size=4, unique=True))
@@ -319,6 +346,14 @@ def definitions(
     )
     if rutted:
         found["tracks"] = [draw(tracks(found)) for _ in range(draw(st.integers(0, 4)))]
+    for node in beneath(found["elemTree"]) if storeyed else ():
+        if draw(st.booleans()):
+            round_ = types[node["type"]].get("combine") == "radial"
+            alike = [n for n, one in types.items() if (one.get("combine") == "radial") == round_]
+            node |= draw(storeys(alike))
+    for track in found.get("tracks", []) if storeyed else ():
+        if draw(st.booleans()):
+            track["path"] = [[*point, draw(numbers(-5, 5))] for point in track["path"]]
     return deepcopy(found)  # tests change what they are given
 
 

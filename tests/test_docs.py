@@ -177,6 +177,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The files that examples speak of: a DEM of 400 × 400 pixels, and a mesh in millimetres."""
     folder = tmp_path_factory.mktemp("docs")
     shutil.copytree(ROOT / "samples", folder / "samples")
+    for name, text in saved(ROOT / "docs/format.md").items():
+        (folder / name).write_text(text, "utf-8")
     craters = folder / "samples/lunar-craters.json"
     assert call("export-dem", craters, folder / "dem.tif", "--resolution", 0.5).code == 0
     definition = next(text for language, text in blocks(PAGES[0]) if language == "json")
@@ -258,7 +260,7 @@ def rows() -> list[Row]:
         if named := re.search(r"[Ss]ave this as `([^`]+)`|query (samples/\S+)", line):
             file, heads = named[1] or named[2], []
         cells = [cell.strip() for cell in line.removeprefix("|").removesuffix("|").split("|")]
-        if line.startswith("| x | y | z |"):
+        if line.startswith(("| x | y | z |", "| x | y | column |")):
             heads = cells
         elif not line.startswith("|"):
             heads = []
@@ -280,7 +282,7 @@ def terrains(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_tables_are_found() -> None:
     files = [row.file for row in rows()]
-    assert len(files) == 83
+    assert len(files) == 100
     assert {*files} >= {"first.json", "parts.json", "places.json", "edges.json"}
 
 
@@ -289,6 +291,15 @@ def test_tables_of_the_format_say_what_the_terrain_says(file: str, terrains: Pat
     """Heights to six digits, surfaces and elements; an empty height is none."""
     terrain = terratool.load(terrains / file)
     for _, _, point, said in (row for row in rows() if row.file == file):
+        if "column" in said:
+            column = terrain.column(*point)
+            ends = [
+                float(end)
+                for end in re.findall(r"[-\d.e]+", said["column"].replace("−∞", "-1e999"))
+            ]
+            assert ends[::2] == pytest.approx(column.bottom.tolist(), rel=1e-6), said
+            assert ends[1::2] == pytest.approx(column.top.tolist(), rel=1e-6), said
+            continue
         z = float(said["z"]) if said["z"] else math.nan
         assert terrain.height(*point) == pytest.approx(z, rel=1e-6, abs=1e-6, nan_ok=True), said
         assert (terrain.element(*point) or "") == said["element"].strip("`"), said

@@ -21,12 +21,14 @@ import pytest
 import terratool.traversability.wheel  # noqa: F401, it declares records
 from terratool import kernels
 from terratool.field.bounds import nonzero_edges
+from terratool.field.rays import storey_ray_index
 from terratool.field.records import SAMPLES
 from terratool.mesh.plan import plan_of
 from terratool.mesh.types import COVERING_ELEMENT, Regions, Triangulation
 from terratool.traversability.parameters import SoilSamples, soil_table, vehicle_params
 from tests.conftest import terrain_of
 from tests.programs import program
+from tests.storey_examples import DEFINITIONS
 from tests.surveys import ROVER, level_costs
 
 ROOT = Path(__file__).parents[1]
@@ -65,8 +67,14 @@ def known(kind: str) -> Any:
         return kernels.field.Painter(TERRAIN.field, np.zeros(2, np.bool_), True, edges)
     if kind == "RayIndex":
         return kernels.field.RayIndex(TERRAIN.field, TERRAIN.cells())
+    if kind == "StoreyRayIndex":
+        return storey_ray_index(terrain_of(DEFINITIONS["bridge"]))
     if kind == "WallFinder":
         return kernels.field.WallFinder(TERRAIN.field, edges)
+    if kind == "Storeys":
+        storeys = terrain_of(DEFINITIONS["bridge"]).storeys
+        assert storeys is not None
+        return storeys.field
     if kind == "VehicleOnSoils":
         soils = soil_table(TERRAIN, ROVER)
         return kernels.traversability.VehicleOnSoils(vehicle_params(ROVER), *soils)
@@ -294,7 +302,8 @@ def test_objects_that_hold_nothing_are_refused() -> None:
 def test_planes_that_a_painter_has_not_are_refused() -> None:
     x, plane = np.array([1.0, 2.0]), np.zeros((2, 2))
     painter = kernels.field.Painter(TERRAIN.field, np.zeros(2, np.bool_), False, None)
-    planes = SimpleNamespace(heights=plane, surfaces=None, slope_x=None, slope_y=None, labels=None)
+    others = ["surfaces", "slope_x", "slope_y", "labels", "columns", "within", "figures", "seen"]
+    planes = SimpleNamespace(heights=plane, **dict.fromkeys(others))
     kernels.field.paint(painter, x, x, 1.0, 0, 0, planes)
     for name, wrong in (("slope_y", plane), ("labels", np.zeros((2, 2), np.uint32))):
         more = SimpleNamespace(**{**vars(planes), name: wrong})
@@ -324,11 +333,21 @@ def test_an_index_of_rays_is_made_of_a_field_and_its_cells() -> None:
         kernels.field.RayIndex("field", cells)
     empty = kernels.field.RayIndex.__new__(kernels.field.RayIndex)
     three, one = np.zeros((1, 3)), np.zeros(1)
-    rest = three, three, one, one.copy(), three.copy(), three.copy()
+    rays = SimpleNamespace(origins=three, directions=three, most=one)
     with pytest.raises(TypeError, match=r"cast\(\): index must be a RayIndex, but is"):
-        kernels.field.cast(
-            empty, *rest, np.zeros(1, np.int64), np.zeros(1, np.int32), np.zeros(1, bool)
-        )
+        kernels.field.cast(empty, rays, SimpleNamespace())
+
+
+def test_indices_of_storeys_are_those_of_their_fields() -> None:
+    storeys, index = known("Storeys"), known("RayIndex")
+    with pytest.raises(TypeError, match=r"StoreyRayIndex\(\): a sheet leads nowhere"):
+        kernels.field.StoreyRayIndex(storeys, index, ())
+    with pytest.raises(TypeError, match=r"StoreyRayIndex\(\): tops leads nowhere"):
+        kernels.field.StoreyRayIndex(storeys, index, [(index, index)])
+    with pytest.raises(TypeError, match=r"StoreyRayIndex\(\): index must be a "):
+        kernels.field.StoreyRayIndex(storeys, storeys, ())
+    with pytest.raises(TypeError, match=r"StoreyRayIndex\(\): index must be a "):
+        kernels.field.StoreyRayIndex(index, index, ())
 
 
 def test_dtypes_that_are_not_the_structs_are_refused() -> None:

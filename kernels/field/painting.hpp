@@ -9,8 +9,6 @@
 // the descent.
 #pragma once
 
-#include <variant>
-
 #include "raster_painting.hpp"
 #include "relief_painting.hpp"
 #include "track_painting.hpp"
@@ -632,103 +630,6 @@ void descend_left(
                 canvas.slope_y(r, c) = found.slope_y;
             }
             if (canvas.labels.exists()) canvas.labels(r, c) = label_left(row - r, column + c);
-        }
-    }
-}
-
-using Floats = std::variant<Matrix<float>, Matrix<double>>;
-using Ids = std::variant<Matrix<u8>, Matrix<u16>, Matrix<u32>>;
-
-// What is painted over a window, rows from the north; all but the heights may be empty.
-struct Planes {
-    Floats heights;
-    Ids surfaces;
-    Floats slope_x, slope_y;
-    Matrix<u32> labels;
-};
-
-template <class Visit> void visit_arguments(Planes& p, Visit visit) {
-    visit("heights[h,w]", p.heights), visit("?surfaces[h,w]", p.surfaces);
-    visit("?slope_x[h,w]", p.slope_x), visit("?slope_y[h,w]", p.slope_y);
-    visit("?labels[h,w]", p.labels);
-}
-
-// Copy the columns from `begin` to `end` of a row of a tile; outside there is `nothing`.
-template <class From, class To>
-void copy_columns(Span<From> own, Span<To> out, i64 begin, i64 end, To nothing) {
-    fill(out.first(begin), nothing);
-    for (i64 n = begin; n < end; ++n) out[n] = To(own[n]);
-    fill(out.subspan(end), nothing);
-}
-
-// A window, and the rows and columns of the grid of pixels that it begins at, from the north-west.
-struct Window {
-    In x, y;  // of pixel centres, ascending
-    double resolution;
-    i64 row, column;
-};
-
-// Paint a window. `voids` says which ids are void.
-template <class Id>
-void paint_window(
-    const Field& field, Canvas<Id>& canvas, Span<const bool> voids, const Window& window,
-    const Planes& planes
-) {
-    i64 width = count_of(window.x), height = count_of(window.y);
-    i64 across = (width + TILE_WIDTH - 1) / TILE_WIDTH;
-    i64 along = (height + TILE_HEIGHT - 1) / TILE_HEIGHT;
-    if (!across || !along) return;
-    i64 wide = (width + across - 1) / across, tall = (height + along - 1) / along;
-    for (i64 line = 0; line < height; line += tall) {
-        for (i64 column = 0; column < width; column += wide) {
-            In xs = window.x.subspan(column, min(wide, width - column));
-            In ys = window.y.subspan(line, min(tall, height - line));
-            auto [west, east, _] = inside_bounds(xs, field.bounds[0], field.bounds[2]);
-            auto [south, north, __] = inside_bounds(ys, field.bounds[1], field.bounds[3]);
-            Rectangle part{west, east, south, north};
-            if (!part.is_empty()) {
-                bool left = is_shared(field)
-                    ? SharedPainting<Id>(field, canvas, xs, ys, window.resolution).paint(part)
-                    : paint_tile(field, canvas, xs, ys, window.resolution, part);
-                if (left)
-                    descend_left(
-                        field, canvas, xs, ys, window.row + height - 1 - line,
-                        window.column + column, part
-                    );
-                if (has_tracks(field)) paint_tracks(field, canvas, xs, ys, part);
-                if (has_reliefs(field)) paint_reliefs(field, canvas, xs, ys, part);
-            }
-            for (i64 r = 0; r < count_of(ys); ++r) {
-                bool painted = !part.is_empty() && part.south <= r && r < part.north;
-                i64 begin = painted ? part.west : 0, end = painted ? part.east : 0;
-                i64 at = height - 1 - line - r;
-                auto give = [&]<class T>(auto& tile, Matrix<T> plane, T nothing) {
-                    if (!plane.size()) return;
-                    auto out = plane[at].subspan(column, xs.size());
-                    copy_columns(tile.row(r, 0, TILE_WIDTH), out, begin, end, nothing);
-                };
-                auto give_floats = [&](auto& tile, const Floats& plane) {
-                    std::visit(
-                        [&]<class T>(Matrix<T> one) {
-                            give(tile, one, T(NaN));
-                            if (!field.voids || !one.size()) return;
-                            auto ids = canvas.surfaces.row(r, begin, end);
-                            auto out = one[at].subspan(column + begin, ids.size());
-                            for (std::size_t n = 0; n < ids.size(); ++n)
-                                if (voids[ids[n]]) out[n] = T(NaN);
-                        },
-                        plane
-                    );
-                };
-                give_floats(canvas.heights, planes.heights);
-                give_floats(canvas.slope_x, planes.slope_x);
-                give_floats(canvas.slope_y, planes.slope_y);
-                give(canvas.labels, planes.labels, u32(0));
-                std::visit(
-                    [&]<class T>(Matrix<T> one) { give(canvas.surfaces, one, T(0)); },
-                    planes.surfaces
-                );
-            }
         }
     }
 }

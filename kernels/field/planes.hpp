@@ -71,8 +71,10 @@ struct TrackedPixel {
         surface_track;  // the track with that pass; the last with a surface and one, 0 for none
 };
 
-// A tile, and what is needed to paint it. Surfaces are their indices and one, 0 for none.
+// A tile, and what is needed to paint it. Surfaces are their indices and one, 0 for none; where it
+// is `numbered`, they are the top elements and one instead.
 template <class Id> struct Canvas {
+    bool numbered = false;
     TileOf<double> heights{true};
     TileOf<Id> surfaces{true};
     TileOf<double> slope_x, slope_y;
@@ -144,15 +146,21 @@ NEVER_INLINE void wear_classes(
     }
 }
 
+// What an element without classes leaves on its pixels.
+template <class Id> INLINE Id worn_id(const Canvas<Id>& canvas, const Painted& p) {
+    return Id((canvas.numbered ? p.index : i64(p.kind.surface)) + 1);
+}
+
 // Surfaces of an unturned element that fills its block of cells.
 template <class Id>
 INLINE void wear_block(
     const Field& field, Canvas<Id>& canvas, const Painted& p, const BlockPixels& pixels
 ) {
-    if (has_classes(p.kind)) return wear_classes(field, canvas, p, pixels);
+    if (has_classes(p.kind) && !canvas.numbered) return wear_classes(field, canvas, p, pixels);
     const Rectangle& part = pixels.part;
+    Id id = worn_id(canvas, p);
     for (i64 line = part.south; line < part.north; ++line)
-        fill(canvas.surfaces.row(line, part.west, part.east), Id(p.kind.surface + 1));
+        fill(canvas.surfaces.row(line, part.west, part.east), id);
 }
 
 // Surfaces of a turned or radial element along a run of pixels that it holds.
@@ -161,7 +169,7 @@ INLINE void wear_run(
     const Field& field, Canvas<Id>& canvas, const Painted& p, In u, double v, i64 line, i64 column
 ) {
     auto row = canvas.surfaces.row(line, column, column + count_of(u));
-    if (!has_classes(p.kind)) return fill(row, Id(p.kind.surface + 1));
+    if (!has_classes(p.kind) || canvas.numbered) return fill(row, worn_id(canvas, p));
     ClassesAt classes(field, p.kind);
     for (std::size_t n = 0; n < u.size(); ++n) {
         UV at = p.pose.turned ? turned(p.pose, u[n], v) : UV{u[n], v};

@@ -24,8 +24,30 @@ struct Hit {
     ClassPixel pixel{};  // of the element, where it is known and has classes
 };
 
-// Of an element: that it is not known, nor, in the second, whether there is a void instead.
-constexpr i64 UNKNOWN = -3, UNSURE = -4;
+// The normal of what has slopes; it points to where the ray comes from.
+INLINE void put_slanted_normal(const Ray& ray, Gradient slopes, Hit& hit) {
+    double length = sqrt(square(slopes.x) + square(slopes.y) + 1.0);
+    double facing = slopes.x * ray.dx + slopes.y * ray.dy - ray.dz >= 0.0 ? 1.0 : -1.0;
+    hit.normal[0] = -slopes.x / length * facing + 0.0;
+    hit.normal[1] = -slopes.y / length * facing + 0.0;
+    hit.normal[2] = facing / length;
+}
+
+// Of an element: that it is not known, nor, in the second, whether there is a void instead; and
+// that there is a void that counts as endless.
+constexpr i64 UNKNOWN = -3, UNSURE = -4, ENDLESS = -5;
+
+// What the ground is where nothing stands over it: a ray in the void is on no side of it, and all
+// tracks lie on it.
+struct PlainRules {
+    // Whether rays are on a side of voids, and on which, by the top element there.
+    static constexpr bool sees_voids() { return false; }
+    static constexpr Side side_in_void(i64) { return NOWHERE; }
+
+    INLINE Rut rut(const Field& field, double x, double y, i64 surface) const {
+        return rut_at(field.tracks, x, y, surface);
+    }
+};
 
 // Where a stretch of the ray begins or ends.
 struct Cut {
@@ -33,16 +55,18 @@ struct Cut {
 };
 
 // Casts rays; each thread needs its own.
-class Caster : RayGround {
+template <class Rules> class Caster : RayGround {
 public:
-    explicit Caster(const Index& index) : RayGround(index), stack_(field_.pending) {}
+    explicit Caster(const Index& index, Rules rules = {})
+        : RayGround(index), rules_(rules), stack_(field_.pending) {}
 
-    Hit cast(const Ray& ray, double most) {
+    // What a ray meets first from one distance to another.
+    Hit cast(const Ray& ray, double from, double most) {
         ray_ = &ray;
         start();
         if (ray.dx == 0.0 && ray.dy == 0.0) return cast_upright(most);
         const double reach = most * (1.0 + 1e-15);  // what lies at the end is met
-        double begin = 0.0, end = reach;
+        double begin = from, end = reach;
         In bounds = field_.bounds;
         // a little more, or rays would pass a level plane in a stretch of no length
         double more = 1e-6 * (bounds[2] - bounds[0] + bounds[3] - bounds[1]) + 1e-12 * abs(ray.z);
@@ -50,11 +74,13 @@ public:
         per_x_ = 1.0 / ray.dx, per_y_ = 1.0 / ray.dy;
         if (!clip(ray.x, per_x_, bounds[0], bounds[2], begin, end)) return hit_;
         if (!clip(ray.y, per_y_, bounds[1], bounds[3], begin, end)) return hit_;
-        if (!clip(ray.z, 1.0 / ray.dz, low, high, begin, end)) return hit_;
+        // walls beside endless voids have no end
+        if (!rules_.sees_voids() && !clip(ray.z, 1.0 / ray.dz, low, high, begin, end)) return hit_;
         leaves_ = end < reach;
         scale_ = abs(ray.x) + abs(ray.y) + abs(ray.z) + end;
         bool parallel = ray.dx == 0.0 || ray.dy == 0.0;
         if (parallel) walk<true, true>(begin, end);
+        else if (rules_.sees_voids()) walk<false, true>(begin, end);
         else walk<false, false>(begin, end);
         if (hit_.distance == AGAIN) {
             start();
@@ -72,6 +98,7 @@ private:
     // itself does, or where it comes into the terrain or leaves it.
     enum End : u8 { ACROSS_X = X, ACROSS_Y = Y, ITSELF, RIM };
 
+    Rules rules_;
     Stack stack_;
     std::vector<Cut> cuts_;
     Hit hit_;
@@ -117,14 +144,7 @@ private:
         return hit_;
     }
 
-    // The upright part points to where the ray comes from.
-    void put_normal(Gradient slopes) {
-        double length = sqrt(square(slopes.x) + square(slopes.y) + 1.0);
-        double facing = slopes.x * ray_->dx + slopes.y * ray_->dy - ray_->dz >= 0.0 ? 1.0 : -1.0;
-        hit_.normal[0] = -slopes.x / length * facing + 0.0;
-        hit_.normal[1] = -slopes.y / length * facing + 0.0;
-        hit_.normal[2] = facing / length;
-    }
+    void put_normal(Gradient slopes) { put_slanted_normal(*ray_, slopes, hit_); }
 
     struct Visit {
         double begin, end;
@@ -170,7 +190,7 @@ private:
                 if (passed) pass(side, passed), passed = 0;
                 const Leaf& leaf = index_.leaves[next & PLACE];
                 const Visit visit{begin, end, quarter, from, to};
-                if (leaf.slab == VOID) side_ = NOWHERE;
+                if (leaf.slab == VOID && !rules_.sees_voids()) side_ = NOWHERE;
                 else if (leaf.slab == LEVEL && meets_level(leaf, visit)) return;
                 else if (leaf.slab < MIXED ? cross_slab(leaf, visit) : cross_leaf(leaf, visit))
                     return;
@@ -392,14 +412,11 @@ private:
         }
         double x = ray_->x + ray_->dx * middle, y = ray_->y + ray_->dy * middle;
         Worn worn = worn_near(index_.elements, ground.top, x, y);
-        if (voids || worn.is_void) {
-            side_ = NOWHERE;
-            return false;
-        }
+        if (voids || worn.is_void) return enter_void(ground, from);
         if (leaf.segments || has_reliefs(field_)) {
             i64 surface = worn.surface;
             if (leaf.segments) {
-                Rut rut = rut_at(field_.tracks, x, y, surface);
+                Rut rut = rules_.rut(field_, x, y, surface);
                 ground.depth = rut.depth;
                 if (rut.surface_track >= 0) {
                     surface = field_.tracks.surface[rut.surface_track];
@@ -438,6 +455,19 @@ private:
         double root = first_root(ground, {from, above, to, beyond}, rate);
         if (root < INF) return meet_ground(ground, root);
         side_ = side_of(beyond), above_ = beyond, top_ = ground.top;
+        return false;
+    }
+
+    // Into a void; whether the ray meets a wall there, as it does where it counts as endless.
+    INLINE bool enter_void(const Stretch& ground, double r) {
+        Side side = rules_.side_in_void(ground.top);
+        if (side != NOWHERE && side_ != NOWHERE && side_ != side) {
+            put_point(r);
+            put_wall(ENDLESS);
+            return true;
+        }
+        side_ = side;
+        if (rules_.sees_voids()) above_ = NaN, top_ = ENDLESS, past_ = NaN;
         return false;
     }
 
@@ -539,34 +569,65 @@ INLINE bool make_ray(const double* origin, const double* direction, Ray& ray) {
     return zero == 0.0;
 }
 
-// The first thing that each ray meets, within `most`: its distance, INF for none; the point, the
-// normal towards the ray, the element as in `samples`, -2 for none, its surface, -1 for none, and
-// whether it is a wall. The number of the first ray that is none, where it ends, or -1.
-inline i64 cast(
-    const Index& index, Matrix<const double> origins, Matrix<const double> directions, In most,
-    Out distance, Matrix<double> point, Matrix<double> normal, Span<i64> top, Span<i32> surface,
-    Span<bool> wall
-) {
+// The surface of what is hit.
+inline i32 surface_of(const Index& index, const Hit& hit) {
     const Field& field = index.field;
-    Caster caster(index);
-    for (i64 n = 0; n < origins.rows(); ++n) {
+    i64 track = hit.top - count_of(field.elements);
+    if (track >= 0) return field.tracks.surface[track];
+    if (hit.pixel.element >= 0) return i32(worn_of(field, hit.top, hit.pixel).surface);
+    return i32(worn_near(index.elements, hit.top, hit.x, hit.y).surface);
+}
+
+struct Rays {
+    Matrix<const double> origins, directions;
+    In most;
+};
+
+template <class Visit> void visit_arguments(Rays& r, Visit visit) {
+    visit("origins[n,3]", r.origins), visit("directions[n,3]", r.directions);
+    visit("most[n]", r.most);
+}
+
+// What rays meet: the distance, INF for none; the point, the normal towards the ray, the element as
+// in `samples`, -2 for none, its surface, -1 for none, and whether it is a wall.
+struct RayHits {
+    Out distance;
+    Matrix<double> point, normal;
+    Span<i64> top;
+    Span<i32> surface;
+    Span<bool> wall;
+};
+
+template <class Visit> void visit_arguments(RayHits& h, Visit visit) {
+    visit("distance[n]", h.distance), visit("point[n,3]", h.point), visit("normal[n,3]", h.normal);
+    visit("element[n]", h.top), visit("surface[n]", h.surface), visit("wall[n]", h.wall);
+}
+
+// The first thing that each ray meets: cast(ray, most, surface) gives it, with its surface. The
+// number of the first ray that is none, where it ends, or -1.
+template <class Cast> i64 cast_all(const Rays& rays, const RayHits& out, Cast cast) {
+    for (i64 n = 0; n < rays.origins.rows(); ++n) {
         Ray ray;
-        if (!make_ray(&origins(n, 0), &directions(n, 0), ray) || !(most[n] >= 0.0)) return n;
-        Hit hit = caster.cast(ray, most[n]);
-        distance[n] = hit.distance;
-        point(n, 0) = hit.x, point(n, 1) = hit.y, point(n, 2) = hit.z;
-        for (int axis = 0; axis < 3; ++axis) normal(n, axis) = hit.normal[axis];
-        bool hits = hit.distance < INF;
-        top[n] = hits ? hit.top : -2;
-        i64 track = hit.top - count_of(field.elements);
-        if (!hits) surface[n] = -1;
-        else if (track >= 0) surface[n] = field.tracks.surface[track];
-        else if (hit.pixel.element >= 0)
-            surface[n] = i32(worn_of(field, hit.top, hit.pixel).surface);
-        else surface[n] = i32(worn_near(index.elements, hit.top, hit.x, hit.y).surface);
-        wall[n] = hit.wall;
+        bool is_ray = make_ray(&rays.origins(n, 0), &rays.directions(n, 0), ray);
+        if (!is_ray || !(rays.most[n] >= 0.0)) return n;
+        out.surface[n] = -1;
+        Hit hit = cast(ray, rays.most[n], out.surface[n]);
+        out.distance[n] = hit.distance;
+        out.point(n, 0) = hit.x, out.point(n, 1) = hit.y, out.point(n, 2) = hit.z;
+        for (int axis = 0; axis < 3; ++axis) out.normal(n, axis) = hit.normal[axis];
+        out.top[n] = hit.distance < INF ? hit.top : -2;
+        out.wall[n] = hit.wall;
     }
     return -1;
+}
+
+inline i64 cast(const Index& index, const Rays& rays, const RayHits& out) {
+    Caster<PlainRules> caster(index);
+    return cast_all(rays, out, [&](const Ray& ray, double most, i32& surface) {
+        Hit hit = caster.cast(ray, 0.0, most);
+        if (hit.distance < INF) surface = surface_of(index, hit);
+        return hit;
+    });
 }
 
 }  // namespace terratool::rays

@@ -26,6 +26,13 @@ INLINE bool holds(const Segment& segment, double x, double y) {
     return across * across <= segment.reach_square * segment.square;
 }
 
+// Height of the path where a segment is nearest to a point; NaN for a path without heights.
+INLINE double height_of_path(const Segment& segment, double x, double y) {
+    double along = (x - segment.x) * segment.dx + (y - segment.y) * segment.dy;
+    double part = along > 0.0 ? min(along / segment.square, 1.0) : 0.0;
+    return segment.z + part * (segment.end_z - segment.z);
+}
+
 // Depth of a rut after so many passes, in the units of the `first`.
 // z_n = z_1 · n^(1/a), `power` being 1/a: Abebe, Tanaka and Yamazaki, Soil compaction by multiple
 // passes of a rigid wheel relevant for optimization of traffic, Journal of Terramechanics 26(2),
@@ -81,18 +88,23 @@ struct RutOfAll {
     }
 };
 
-// As rut_at, in a cell of the index.
-inline Rut rut_in(const Tracks& tracks, i64 cell, double x, double y, i64 ground) {
+// As rut_at, in a cell of the index, of the segments that are chosen.
+template <class Chosen>
+INLINE Rut
+chosen_rut_in(const Tracks& tracks, i64 cell, double x, double y, i64 ground, Chosen chosen) {
     i64 last = -1;
     RutOfAll all{tracks};
     for (u32 k = tracks.offsets[cell]; k < tracks.offsets[cell + 1]; ++k) {
         const Segment& segment = tracks.segments[tracks.entries[k]];
         i64 track = segment.track;
-        if (track == last || !holds(segment, x, y)) continue;
+        if (track == last || !holds(segment, x, y) || !chosen(segment)) continue;
         last = track;
         if (!all.add(track, ground)) return {0.0, -1, -1, 0.0, 0.0};
     }
     return all.rut();
+}
+inline Rut rut_in(const Tracks& tracks, i64 cell, double x, double y, i64 ground) {
+    return chosen_rut_in(tracks, cell, x, y, ground, [](const Segment&) { return true; });
 }
 
 // Depth of the rut at a point, and the track that decides the surface there.

@@ -112,7 +112,7 @@ struct Grid {
 };
 
 struct Segment {
-    double x, y, end_x, end_y, dx, dy, square, reach, reach_square;
+    double x, y, end_x, end_y, dx, dy, square, reach, reach_square, z, end_z;
     u32 track;
 };
 
@@ -192,7 +192,8 @@ template <class Visit> void visit_members(Copies& c, Visit visit) {
 template <class Visit> void visit_members(Segment& s, Visit visit) {
     visit("x", s.x), visit("y", s.y), visit("end_x", s.end_x), visit("end_y", s.end_y);
     visit("dx", s.dx), visit("dy", s.dy), visit("square", s.square);
-    visit("reach", s.reach), visit("reach_square", s.reach_square), visit("track", s.track);
+    visit("reach", s.reach), visit("reach_square", s.reach_square);
+    visit("z", s.z), visit("end_z", s.end_z), visit("track", s.track);
 }
 
 template <class Visit> void visit_members(Relief& r, Visit visit) {

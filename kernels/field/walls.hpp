@@ -5,9 +5,11 @@
 // finds nothing, by labels.
 #pragma once
 
+#include <optional>
 #include <stdexcept>
+#include <variant>
 
-#include "painting.hpp"
+#include "column_painting.hpp"
 
 namespace terratool {
 
@@ -71,8 +73,11 @@ struct Line {
 // Looks for walls; each thread needs its own.
 class WallFinder {
 public:
-    WallFinder(const Field& field, Span<const u8> nonzero_edges)
-        : field_(field), canvas_(field, false, true, nonzero_edges) {}
+    // With `storeys`, walls are those of the highest tops, else those of the ground.
+    WallFinder(const Field& field, Span<const u8> nonzero_edges, const Storeys* storeys)
+        : field_(field), canvas_(field, false, true, nonzero_edges) {
+        if (storeys) above_ = std::make_unique<ColumnPainting<u32>>(field, *storeys, true, true);
+    }
 
     // For each pair the height of the wall in it, 0 if none, and for how much wall it stands.
     //
@@ -201,6 +206,15 @@ public:
 private:
     const Field& field_;
     Canvas<u32> canvas_;
+    std::unique_ptr<ColumnPainting<u32>> above_;
+
+    // The highest top at a point; nothing where there is the ground alone.
+    std::optional<Face> top_at(double x, double y) {
+        u64 near = above_ ? above_->near(x, y) : 0;
+        if (!near) return {};
+        const auto& column = above_->column_at(canvas_, x, y, near);
+        return column.empty() ? Face{NaN, 0, -1} : column.back().top;
+    }
 
     // Where between two places on a line a wall higher than `level` stands.
     Wall find_wall(const Line& line, double resolution, i64 halvings, double level) {
@@ -222,6 +236,7 @@ private:
     Slant slant(bool along_x, double at, double fixed) {
         double x = along_x ? at : fixed, y = along_x ? fixed : at;
         if (!is_inside(field_.bounds, x, y)) return {NaN, NaN};
+        if (auto top = top_at(x, y)) return {top->z, along_x ? top->slope_x : top->slope_y};
         Found found = descend<true>(field_, x, y, canvas_.stack);
         Worn worn = worn_of(field_, found);
         if (worn.is_void) return {NaN, NaN};
@@ -246,7 +261,9 @@ private:
         Rectangle pixel{0, 1, 0, 1};
         paint_tile(field_, canvas_, xs, ys, resolution, pixel);
         if (has_tracks(field_)) paint_tracks(field_, canvas_, xs, ys, pixel);
-        return canvas_.labels(0, 0);
+        u32 painted = canvas_.labels(0, 0);
+        auto top = top_at(x, y);
+        return top && top->storey >= 0 ? above_->label_at(*top, x, y, resolution) : painted;
     }
 };
 

@@ -1,9 +1,9 @@
 // What Python sees of kernels/field: windows of pixels.
-#include "../field/painting.hpp"
+#include "../field/windows.hpp"
 
 #include <memory>
 
-#include "field.hpp"
+#include "columns.hpp"
 #include "modules.hpp"
 
 namespace terratool::python {
@@ -13,41 +13,70 @@ namespace {
 // Paints windows of one field; each thread needs its own.
 class Painter {
 public:
-    Painter(nb::handle field, nb::handle voids, bool slopes, nb::handle nonzero_edges)
-        : kept_(nb::borrow(field)), field_(Argument<Field>(field, where("field")).get()),
-          slopes_(slopes), labels_(!nonzero_edges.is_none()), voids_(voids, where("voids")),
+    Painter(
+        nb::handle field, nb::handle voids, bool slopes, nb::handle nonzero_edges,
+        nb::handle storeys
+    )
+        : kept_(nb::borrow(field)), kept_storeys_(nb::borrow(storeys)),
+          field_(Argument<Field>(field, where("field")).get()), slopes_(slopes),
+          labels_(!nonzero_edges.is_none()), voids_(voids, where("voids")),
           nonzero_(nonzero_edges, where("?nonzero_edges")) {
         check_index(voids_.get().size() > most_surface(), "a surface in voids");
         check_index(!labels_ || nonzero_.get().size() == field_.kinds.size(), "nonzero_edges");
         check_index(!labels_ || !is_shared(field_), "a label of what is shared");
         // few surfaces take less of the cache
-        if (voids_.get().size() <= 256)
-            small_ = std::make_unique<Canvas<u8>>(field_, slopes, labels_, nonzero_.get());
-        else large_ = std::make_unique<Canvas<u32>>(field_, slopes, labels_, nonzero_.get());
+        if (voids_.get().size() <= 256) small_ = made<u8>(storeys);
+        else large_ = made<u32>(storeys);
     }
 
-    i64 nbytes() const { return small_ ? small_->nbytes() : large_->nbytes(); }
+    i64 nbytes() const { return small_ ? small_->canvas.nbytes() : large_->canvas.nbytes(); }
 
     void paint(In x, In y, double resolution, i64 row, i64 column, const Planes& planes) {
         check_index(
             slopes_ || (is_missing(planes.slope_x) && is_missing(planes.slope_y)), "a slope"
         );
         check_index(labels_ || planes.labels.rows() == 0, "a label");
+        bool all = planes.hidden.exists() && planes.hidden.within.size() == 4;
+        check_index(
+            !planes.hidden.exists() || (all && planes.hidden.seen.size() >= storeys_), "a storey"
+        );
+        i64 rows = std::visit([](auto one) { return i64(one.rows()); }, planes.columns);
+        i64 height = count_of(y);
+        check_index(rows % max(height, i64(1)) == 0 && (!rows || rows > 2 * height), "a band");
         Window window{x, y, resolution, row, column};
-        if (small_) paint_window(field_, *small_, voids_.get(), window, planes);
-        else paint_window(field_, *large_, voids_.get(), window, planes);
+        auto paint = [&](auto& with) {
+            paint_window(field_, with.canvas, with.above.get(), voids_.get(), window, planes);
+        };
+        if (small_) paint(*small_);
+        else paint(*large_);
     }
 
 private:
     static constexpr IndexCheck check_index{"Painter"};
+    template <class Id> struct With {
+        Canvas<Id> canvas;
+        std::unique_ptr<ColumnPainting<Id>> above;
+    };
     Sizes sizes_;
-    nb::object kept_;
+    nb::object kept_, kept_storeys_;
     const Field& field_;
+    std::size_t storeys_ = 0;
     bool slopes_, labels_;
     Argument<Span<const bool>> voids_;
     Argument<Span<const u8>> nonzero_;
-    std::unique_ptr<Canvas<u8>> small_;
-    std::unique_ptr<Canvas<u32>> large_;
+    std::unique_ptr<With<u8>> small_;
+    std::unique_ptr<With<u32>> large_;
+
+    template <class Id> std::unique_ptr<With<Id>> made(nb::handle given) {
+        std::unique_ptr<ColumnPainting<Id>> above;
+        if (!given.is_none()) {
+            const Storeys& storeys = Argument<Storeys>(given, where("storeys")).get();
+            storeys_ = storeys.table.gaps.size();
+            above = std::make_unique<ColumnPainting<Id>>(field_, storeys, slopes_, labels_);
+        }
+        Canvas<Id> canvas(field_, slopes_, labels_, nonzero_.get());
+        return std::make_unique<With<Id>>(std::move(canvas), std::move(above));
+    }
 
     Where where(const char* name) { return {"Painter", name, sizes_}; }
     static bool is_missing(const Floats& plane) {
@@ -84,8 +113,8 @@ void bind_painting(nb::module_ m) {
     m.attr("WHATEVER_SCALE") = WHATEVER_SCALE;
     nb::class_<Painter>(m, "Painter", "Paints windows of a field; each thread needs its own.")
         .def(
-            nb::init<nb::handle, nb::handle, bool, nb::handle>(), "field"_a, "voids"_a, "slopes"_a,
-            "nonzero_edges"_a.none()
+            nb::init<nb::handle, nb::handle, bool, nb::handle, nb::handle>(), "field"_a, "voids"_a,
+            "slopes"_a, "nonzero_edges"_a.none(), "storeys"_a.none() = nb::none()
         )
         .def_prop_ro("nbytes", &Painter::nbytes, "Memory that it works in.");
 

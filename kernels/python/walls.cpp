@@ -2,7 +2,7 @@
 #include "../field/crests.hpp"
 #include "../field/track_painting.hpp"
 #include "../field/walls.hpp"
-#include "field.hpp"
+#include "columns.hpp"
 #include "modules.hpp"
 
 namespace terratool::python {
@@ -43,9 +43,13 @@ bool ruts(
 // Looks for walls in one field; each thread needs its own.
 class KeptFinder {
 public:
-    KeptFinder(nb::handle field, nb::handle nonzero_edges)
-        : kept_(nb::borrow(field)), nonzero_(nonzero_edges, where("nonzero_edges")),
-          finder(Argument<Field>(field, where("field")).get(), nonzero_.get()) {
+    KeptFinder(nb::handle field, nb::handle nonzero_edges, nb::handle storeys)
+        : kept_(nb::borrow(field)), kept_storeys_(nb::borrow(storeys)),
+          nonzero_(nonzero_edges, where("nonzero_edges")),
+          finder(
+              Argument<Field>(field, where("field")).get(), nonzero_.get(),
+              storeys.is_none() ? nullptr : &Argument<Storeys>(storeys, where("storeys")).get()
+          ) {
         check_index(
             nonzero_.get().size() == Argument<Field>(field, where("field")).get().kinds.size(),
             "nonzero_edges"
@@ -55,7 +59,7 @@ public:
 private:
     static constexpr IndexCheck check_index{"WallFinder"};
     Sizes sizes_;
-    nb::object kept_;
+    nb::object kept_, kept_storeys_;
     Argument<Span<const u8>> nonzero_;
 
     Where where(const char* name) { return {"WallFinder", name, sizes_}; }
@@ -73,7 +77,10 @@ template <> struct Argument<WallFinder> : KnownArgument<KeptFinder> {
 
 void bind_walls(nb::module_ m) {
     nb::class_<KeptFinder>(m, "WallFinder", "Looks for walls; each thread needs its own.")
-        .def(nb::init<nb::handle, nb::handle>(), "field"_a, "nonzero_edges"_a);
+        .def(
+            nb::init<nb::handle, nb::handle, nb::handle>(), "field"_a, "nonzero_edges"_a,
+            "storeys"_a.none() = nb::none()
+        );
 
     def<&ruts>(
         m, "find_ruts",

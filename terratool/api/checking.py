@@ -10,9 +10,10 @@ from terratool.api.options import fill, listed, takes
 from terratool.api.sources import AnyDefinition, roots_of, source_of
 from terratool.definition.keys import Kind
 from terratool.definition.reader import Checked, CheckOptions, check
+from terratool.field.unseen import unseen_storeys
 
 
-@takes(CheckOptions, without=("ignored_in", "library_roots"), called="check")
+@takes(CheckOptions, without=("ignored_in", "library_roots", "look"), called="check")
 def check_definition(
     definition: AnyDefinition,
     library_roots: str | Path | Sequence[str | Path] = (),
@@ -33,5 +34,5 @@ def check_definition(
         ReadError: the file cannot be read.
     """
     roots = roots_of(definition, listed(library_roots))
-    wanted = fill(CheckOptions, options, library_roots=roots)
+    wanted = fill(CheckOptions, options, library_roots=roots, look=unseen_storeys)
     return check(source_of(definition), wanted, kind)

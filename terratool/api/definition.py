@@ -19,6 +19,7 @@ from terratool.definition.key import Key
 from terratool.definition.keys import KEYS
 from terratool.definition.layout import canonical
 from terratool.definition.model import (
+    STOREYS,
     Definition,
     Element,
     Primitive,
@@ -29,12 +30,15 @@ from terratool.definition.model import (
     Track,
     names_of,
 )
-from terratool.definition.reader import check
+from terratool.definition.reader import CheckOptions, check
 from terratool.errors import RequestError
+from terratool.field.unseen import unseen_storeys
 from terratool.report.wording import count_of
 from terratool.text.source import Source, refuse_name, write_source
 
-_INNER: dict[str, type] = {"roughness": Roughness, "repeat": Repeat, "scatter": Scatter}
+_INNER: dict[str, type] = {
+    "roughness": Roughness, "repeat": Repeat, "scatter": Scatter, **STOREYS
+}  # fmt: skip
 """Classes of the objects that stand in others, by their keys."""
 _BUILT = ("$schema", "surfTypes", "elemTypes", "parts", "elemTree", "tracks", "children")
 """Keys that methods build, or that say nothing of a terrain."""
@@ -404,7 +408,7 @@ class DefinitionBuilder:
         Raises:
             RequestError: a value cannot be written as JSON.
         """
-        return check(self._source(UNNAMED)).findings
+        return check(self._source(UNNAMED), CheckOptions(look=unseen_storeys)).findings
 
     @takes()
     def compile(self, *, roughness: bool = True) -> UserTerrain:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 from functools import cached_property
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from terratool.errors import RequestError
 from terratool.field.coarse import reads_all
@@ -13,7 +13,7 @@ from terratool.field.summary import height_range
 from terratool.field.terrain import Terrain
 from terratool.io.crs import shown_crs
 from terratool.report.numbers import without_noise
-from terratool.report.wording import count_of, join_words
+from terratool.report.wording import count_of, decks_and_bores, join_words
 from terratool.text.display import printable
 
 if TYPE_CHECKING:
@@ -39,6 +39,12 @@ class ShownTerrain(Terrain):
         return "none, all is void" if reads_all(self) else "not looked at, a raster is too large"
 
     @property
+    def _storeys_fact(self) -> dict[str, str]:
+        """Numbers of decks and bores in words, by their title; empty for none."""
+        own = self.storeys
+        return {} if own is None else {"storeys": decks_and_bores(own.decks, own.bores)}
+
+    @property
     def facts(self) -> dict[str, str]:
         """Size, elements, surfaces, relief and reference system, each in words."""
         from terratool.viewing.plan import unit_of
@@ -49,7 +55,8 @@ class ShownTerrain(Terrain):
             names[_NAMED - 1 :] = [f"{len(names) - _NAMED + 1:,} more"]
         return {
             "size": f"{_sides(self)} {unit}",
-            "elements": f"{self.elements:,}",
+            "elements": f"{self.all_elements:,}",
+            **self._storeys_fact,
             "surfaces": join_words(names) or "none",
             "relief": _range(relief, unit) if relief is not None else self._no_relief,
             "crs": "none" if self.crs is None else printable(shown_crs(self.crs).strip('"')),
@@ -57,7 +64,7 @@ class ShownTerrain(Terrain):
 
     def __repr__(self) -> str:
         descr = f": {printable(self.descr)}" if self.descr else ""
-        return f"<Terrain of {_sides(self)}, {count_of(self.elements, 'element')}{descr}>"
+        return f"<Terrain of {_sides(self)}, {count_of(self.all_elements, 'element')}{descr}>"
 
     def __str__(self) -> str:
         lines = [f"{name:<10}{text}" for name, text in self.facts.items()]
@@ -90,11 +97,6 @@ class ShownTerrain(Terrain):
             return png_of(self, _small())
         except RequestError:
             return None
-
-    def __getstate__(self) -> dict[str, Any]:
-        state = super().__getstate__()
-        state.pop("_picture", None)
-        return state
 
 
 def _small() -> RenderOptions:

@@ -231,7 +231,9 @@ class UserTerrain(ShownTerrain):
                 the mesh.
             WriteError: a file exists, or cannot be written.
         """
-        return write_mesh_files(self, path, fill(MeshRequest, options), overwrite=overwrite)
+        request = fill(MeshRequest, options)
+        terrain = self if request.has_storeys else self.ground_only()
+        return write_mesh_files(terrain, path, request, overwrite=overwrite)
 
     @takes(SceneOptions)
     def export_sim(
@@ -256,7 +258,7 @@ class UserTerrain(ShownTerrain):
         source = self.source.name if Path(self.source.name).is_file() else None
         refuse_idle_targets(options.keys(), list(choose_targets(targets)))
         plan = plan_export(folder, targets, wanted, source=source, overwrite=overwrite)
-        return plan.write(self)
+        return plan.write(self.ground_only())
 
     # --- pictures and pages -----------------------------------------------------------------------
 
@@ -286,9 +288,10 @@ class UserTerrain(ShownTerrain):
 
         wanted = fill(RenderOptions, options)
         refuse_idle(options.keys(), wanted.perspective)
+        terrain = self if wanted.has_storeys else self.ground_only()
         if path is None:
-            return figure_of(self, wanted)
-        return render(self, path, wanted, overwrite=overwrite)
+            return figure_of(terrain, wanted)
+        return render(terrain, path, wanted, overwrite=overwrite)
 
     @takes(PageOptions, without=("live",))
     def view(
@@ -324,7 +327,7 @@ class UserTerrain(ShownTerrain):
         if path is not None:
             check_page(path, overwrite)
         driven = None if vehicle is None else _vehicle(vehicle)
-        site = Site(self.written_out, self._checked())
+        site = Site(self.ground_only().written_out, self._checked())
         scene = terrain_scene(site, wanted, driven, _lines(routes))
         page = terrain_page(self.name or self.descr or "terrain", scene, height)
         if path is not None:
@@ -382,7 +385,8 @@ class UserTerrain(ShownTerrain):
         zones = tuple(zone for path in listed(keep_out) for zone in read_keep_out(path))
         places = {"routes": _lines(routes), "waypoints": _ways(waypoints), "keep_out": zones}
         request = fill(Request, options, **places)
-        planned = prepare(self, vehicles, request, map_path=map, overwrite=overwrite)
+        ground = self.ground_only()
+        planned = prepare(ground, vehicles, request, map_path=map, overwrite=overwrite)
         return shown_report(assess_all(planned, self.name, files))
 
     @overload
@@ -431,6 +435,7 @@ class UserTerrain(ShownTerrain):
             refuse_output(output, (vehicle, waypoints), overwrite)
         way = _points(waypoints)
         check_path(way, self.bounds)
+        self.ground_only()
         deformed = deform(self._checked(), _vehicle(vehicle), way, wanted)
         if output is not None:
             write_deformed(self.source, output, deformed, overwrite, self.library_roots)
@@ -531,11 +536,12 @@ class UserTerrain(ShownTerrain):
         """
         if picture is not None:
             refuse_picture(picture, overwrite)
-        compared = compare(any_map(map, level, transform), self)
+        ground = self.ground_only()
+        compared = compare(any_map(map, level, transform), ground)
         if picture is not None:
             from terratool.viewing.map_errors import write_picture
 
-            write_picture(compared, self, picture, overwrite=overwrite)
+            write_picture(compared, ground, picture, overwrite=overwrite)
         return compared
 
     # --- other terrains ---------------------------------------------------------------------------
@@ -571,6 +577,8 @@ class UserTerrain(ShownTerrain):
         files.check()
         wanted = fill(DiffOptions, options, vehicles=tuple(_vehicles(vehicles)))
         new = other if isinstance(other, UserTerrain) else load(other)
+        for one in (self, new):
+            one.ground_only()
         before, after = DiffSide(self._checked(), self), DiffSide(new._checked(), new)
         compared = diff(before, after, wanted)
         found = shown_difference(compared.difference)

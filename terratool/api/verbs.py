@@ -8,7 +8,7 @@ VERBS = {
     "format": "terratool.Definition, whose save lays the text out",
     "add": "terratool.Definition, whose add puts elements into it",
     "info": "print(terrain), or facts, bounds, elements, surfaces and relief",
-    "query": "height, surface, element, normal, or sample for all of them",
+    "query": "height, surface, element, normal, sample for all of them, or column",
     "export_dem": "write_dem for a file, or to_dem for arrays",
     "export_mesh": "write_mesh for a file, or to_mesh for a mesh of trimesh",
     "export_obj": 'write_mesh("….obj")',
@@ -26,9 +26,11 @@ VERBS = {
 }
 """Words of Python that do the work of a command, by its name, where no verb has that name."""
 INTERNAL = frozenset((
-    "all_cells", "arrays", "cells", "descr_of", "field", "footprints", "is_shared",
-    "library_roots", "numbers_of", "parents", "place_of", "primitive_of", "ray_index",
-    "refuse_degrees", "source", "with_curves", "written_out", "written_out_or_none",
+    "all_cells", "arrays", "bare", "cells", "compiled", "descr_of", "field",
+    "first_track", "footprints", "ground_only", "hidden", "is_shared", "library_roots",
+    "numbers_of", "parents", "place_of", "primitive_of", "ray_index", "refuse_degrees",
+    "short_numbers", "source", "storey_ray_index", "with_arrays", "with_curves", "written_out",
+    "written_out_or_none",
 ))  # fmt: skip
 """Names of a terrain that the package itself uses, and completion leaves out."""
 

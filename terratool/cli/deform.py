@@ -146,6 +146,7 @@ class DeformDocument(Document, frozen=True, kw_only=True):
     points: int
     surfaces: tuple[Any, ...]
     ranged: tuple[str, ...] | UnsetType = UNSET
+    notes: tuple[str, ...] | UnsetType = UNSET
 
 
 def _document(deformed: Deformed, output: str, added_bytes: int) -> DeformDocument:
@@ -159,6 +160,7 @@ def _document(deformed: Deformed, output: str, added_bytes: int) -> DeformDocume
         points=deformed.points,
         surfaces=tuple(deformed.ruts),
         ranged=tuple(deformed.ranged) or UNSET,
+        notes=deformed.notes or UNSET,
     )
 
 
@@ -176,3 +178,5 @@ def as_text(deformed: Deformed, output: str, added_bytes: int) -> Iterator[str]:
     if deformed.ranged:
         names = join_words([quote(name) for name in deformed.ranged])
         yield f"  The sinkage of {names} is a range: its middle counts."
+    for note in deformed.notes:
+        yield f"  {note}"

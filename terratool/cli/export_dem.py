@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 # a test checks
 LAYERS = (
     "height", "surface", "slope", "aspect", "normal", "cohesion", "friction", "sinkage", "sonar",
-    "color", "hillshade",
+    "color", "hillshade", "ground", "clearance", "storeys", "columns",
 )  # fmt: skip
 CONTOURS = "contours"
 COMPRESSIONS = ("zstd", "deflate", "lzw", "lerc", "none")
@@ -161,7 +161,7 @@ def command(
     path = options.output_of(output)
     if is_same_file(path, file):
         raise WriteError(f"{path}: is the definition itself.", "Choose another name.")
-    terrain = load(file, options.bounds)
+    terrain = load(file, options.bounds, storeys="kept")
     choice = GridChoice.of(terrain, options.resolution, options.bounds)
     with StatusLine("painting", None if options.traced else choice.pixels) as status:
         report = write_dem(terrain, choice, path, options, status, status.say)

@@ -20,7 +20,7 @@ from terratool.cli.options import (
     roughness_option,
 )
 from terratool.cli.saying import say, say_json
-from terratool.cli.terminal import StatusLine, load
+from terratool.cli.terminal import StatusLine, Storeys, load
 from terratool.report.numbers import coordinates
 
 if TYPE_CHECKING:
@@ -198,7 +198,8 @@ def _export(
     )
     request.check_file(output, overwrite)  # before a large definition is read
     _refuse_own(file, Path(output), request.tile_faces is not None)
-    terrain = load(file, request.bounds)
+    storeys: Storeys = "kept" if request.has_storeys else "said"
+    terrain = load(file, request.bounds, storeys=storeys)
     with StatusLine("writing" if request.elevation_grid else "meshing") as status:
         report = write_mesh_files(
             terrain, output, request, overwrite=overwrite, progress=status.say

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
-from msgspec import Struct
+from msgspec import UNSET, Struct, UnsetType
 
 from terratool.cli.config import Config, DriveSettings
 from terratool.cli.outputs import ReportPlan
@@ -176,6 +176,9 @@ def judge_many(plan: GatePlan, threads: int) -> int:
     if plan.reports.form != "sarif":
         for file in unreadable:
             say_error(file.message, file.hint)
+        for one in found:
+            for note in one.notes:
+                say(f"{one.file}: {note}", err=True)
     if plan.reports.form == "text" and found:
         for line in _table(found):
             say(line)
@@ -248,10 +251,12 @@ class FileRowDocument(Struct, frozen=True):
     Attributes:
         file: name of the file.
         vehicles: results of the vehicles; none where the terrain could not be judged.
+        notes: sentences on what was not judged; None for none.
     """
 
     file: str
     vehicles: list[VehicleDocument]
+    notes: tuple[str, ...] | UnsetType = UNSET
 
 
 class GateDocument(Document, frozen=True, kw_only=True):
@@ -281,6 +286,7 @@ def _document(found: Sequence[FileVerdict], report: ValidationReport) -> GateDoc
                     )
                     for row in one.rows
                 ],
+                one.notes or UNSET,
             )
             for one in found
         ],

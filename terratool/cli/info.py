@@ -19,8 +19,9 @@ from terratool.cli.options import (
     roughness_option,
 )
 from terratool.cli.saying import say, say_json, write_json
-from terratool.cli.terminal import StatusLine, short_name
+from terratool.cli.terminal import StatusLine, say_hidden, short_name
 from terratool.report.numbers import without_noise
+from terratool.report.wording import decks_and_bores
 from terratool.text.display import printable
 
 if TYPE_CHECKING:
@@ -58,8 +59,9 @@ def command(file: str, geojson: bool, as_json: bool) -> None:
         checked = load_checked(file, library_roots())
         terrain = Terrain(checked, roughness=has_roughness())
     if geojson:
+        say_hidden(terrain, file)
         with StatusLine("writing"):
-            _write_geojson(terrain)
+            _write_geojson(terrain.ground_alone)
         return
     with StatusLine("looking at heights"):
         text = None if checked.document is None else checked.document.source.data
@@ -209,6 +211,8 @@ def _lines(s: TerrainSummary) -> list[str]:
         *_counts("by surface", s.elements_by_surface),
         f"smallest cell  {s.smallest_cell:g}",
     ]
+    if s.storeys.decks + s.storeys.bores:
+        lines.append(f"storeys        {decks_and_bores(s.storeys.decks, s.storeys.bores)}")
     if tracks.count:
         lines.append(
             f"tracks         {tracks.count:,} of {tracks.segments:,} segments, "

@@ -18,6 +18,7 @@ from msgspec import UNSET, Struct, structs
 from msgspec.json import schema_components
 
 from terratool.cli.gate import GateDocument
+from terratool.cli.query import QueryDocument
 from terratool.definition import schema_writing
 from terratool.field.library_summary import LibrarySummary
 from terratool.field.summary import TerrainSummary
@@ -42,6 +43,7 @@ OUTPUTS: dict[str, tuple[type[Document], str]] = {
     "difference": (DiffDocument, "difference"),
     "info": (TerrainSummary, "info"),
     "library-info": (LibrarySummary, "info of a library"),
+    "query": (QueryDocument, "query"),
 }
 """Record and title of each schema."""
 

@@ -8,18 +8,21 @@ import math
 import re
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from functools import partial
 from io import TextIOWrapper
 from itertools import chain, islice
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TextIO
 
 import click
+from msgspec import UNSET, Struct, UnsetType
 
 from terratool.cli.command import Command, guess_option
 from terratool.cli.options import json_option, library_root_option, local_option, roughness_option
 from terratool.cli.saying import is_terminal, write_json, write_rows
 from terratool.cli.terminal import StatusLine, load
 from terratool.errors import ReadError
+from terratool.report.documents import Document
 from terratool.report.inert import inert_cell
 from terratool.text.display import quote
 from terratool.text.files import open_file
@@ -33,13 +36,97 @@ if TYPE_CHECKING:
     from terratool.field.terrain import Terrain
     from terratool.field.types import PointSamples
 
-COLUMNS = ("x", "y", "z", "surface", "element", "nx", "ny", "nz", "note")
-FORMAT_VERSION = 1
+    Floats = NDArray[np.float64]
+
+COLUMNS = ("x", "y", "z", "surface", "element", "nx", "ny", "nz", "storeys", "note")
+"""Cells of a point's row; `storeys` only where the terrain has any."""
+INTERVALS = (
+    "x", "y", "bottom", "z", "clear", "surface", "element", "under", "nx", "ny", "nz", "note",
+)  # fmt: skip
+"""Cells of an interval's row."""
 _CHUNK = 65536
 
 _option_like = re.compile(r"--|-[A-Za-z]+$").match
 """Match of a word that is an option rather than a number: `-o`, but not `-1,5`."""
 Point = tuple[float, float]
+Rows = Iterator[tuple[Any, ...]]
+Note = Literal["outside", "void", "above"]
+"""Reason why a point has no height: it is outside, in a void, or all there is lies above."""
+
+
+class PointKeys(Struct, frozen=True, kw_only=True):
+    """A point, as JSON, with what is on top there.
+
+    Attributes:
+        x: position along x, as it was given.
+        y: position along y, as it was given.
+        z: height; None where there is none.
+        surface: name of the surface; None for none.
+        element: pointer of the element that decides the surface; None for none.
+        nx, ny, nz: upward unit normal; None without a height.
+        storeys: number of tops at the point, the ground's included; None outside of the terrain.
+        note: reason why there is no height; None where there is one.
+    """
+
+    x: float
+    y: float
+    z: float | None
+    surface: str | None
+    element: str | None
+    nx: float | None
+    ny: float | None
+    nz: float | None
+    storeys: int | UnsetType | None = UNSET
+    note: Note | None
+
+
+class IntervalKeys(Struct, frozen=True, kw_only=True):
+    """An interval of heights in which a point's column is solid, as JSON.
+
+    Attributes:
+        x: position along x, as it was given.
+        y: position along y, as it was given.
+        bottom: height at which it begins; None where it is solid all the way down.
+        z: height of its top; None where nothing is solid.
+        clear: height from the top to the bottom of the next interval; None under the sky.
+        surface: name of the surface of the top; None for none.
+        element: pointer of the element that decides the top; None for none.
+        under: pointer of the element that decides the bottom; None where that is None.
+        nx, ny, nz: upward unit normal of the top; None without one.
+        note: reason why nothing is solid; None where something is.
+    """
+
+    x: float
+    y: float
+    bottom: float | None
+    z: float | None
+    clear: float | None
+    surface: str | None
+    element: str | None
+    under: str | None
+    nx: float | None
+    ny: float | None
+    nz: float | None
+    note: Note | None
+
+
+class QueryDocument(Document, frozen=True, kw_only=True):
+    """Answers at points, as JSON.
+
+    Attributes:
+        points: answers point by point; None with `--columns`.
+        intervals: intervals of each point from below, one point after the other; None without
+            `--columns`. A point where nothing is solid has one without a z.
+    """
+
+    points: list[PointKeys] | UnsetType = UNSET
+    intervals: list[IntervalKeys] | UnsetType = UNSET
+
+
+def _height(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
+    if value is not None and math.isnan(value):
+        raise click.BadParameter("nan is no height.")
+    return value
 
 
 @click.command(
@@ -53,6 +140,18 @@ Point = tuple[float, float]
 @click.argument("file")
 @click.argument("coordinates", nargs=-1, metavar="[X Y]...")
 @click.option("--points", metavar="FILE|-", help="Read points from a CSV file or standard input.")
+@click.option(
+    "--below",
+    type=float,
+    metavar="Z",
+    callback=_height,
+    help="Answer with the highest top that is not above Z, such as the ground under a bridge.",
+)
+@click.option(
+    "--columns",
+    is_flag=True,
+    help="Answer with all that is solid: a line for each interval of heights, from below.",
+)
 @local_option
 @json_option("Answer as JSON, not as CSV.")
 @click.option(
@@ -69,6 +168,8 @@ def command(
     file: str,
     coordinates: tuple[str, ...],
     points: str | None,
+    below: float | None,
+    columns: bool,
     local: bool,
     as_json: bool,
     digits: int,
@@ -76,28 +177,33 @@ def command(
     """Answer height, surface, element and normal at points.
 
     Points are given as X Y pairs, or as CSV: two columns, or the columns x and y of a header. What
-    a point does not have is an empty cell, null in JSON; the note says why: outside, or void. X Y
-    pairs that are all outside are refused.
+    a point does not have is an empty cell, null in JSON; the note says why: outside, void, or
+    above where all there is lies above Z. X Y pairs that are all outside are refused.
+    The height is that of the highest top; where the terrain has decks or bores, storeys says how
+    many tops there are. A bottom of -inf is solid ground, a clear of inf the sky; JSON has null.
     Names that a spreadsheet would take for formulas have an apostrophe before them in CSV; what
     cannot be printed is an escape of Python's there, and a backslash is doubled.
     """
     if (points is None) == (not coordinates):
         raise click.UsageError("Give points either as X Y pairs or with --points.")
+    if columns and below is not None:
+        raise click.UsageError("--columns has all tops, and --below one. Drop one of them.")
     listed = _from_arguments(coordinates) if points is None else None
 
     early = None if listed is None else partial(_refuse_outside, listed, local)
-    terrain = load(file, early=early)
+    terrain = load(file, early=early, storeys="kept")
     corner = terrain.bounds[:2] if local else (0.0, 0.0)
     source = iter(listed) if listed is not None else _from_csv(str(points))
-    write, labels = _write_csv, list(map(inert_cell, terrain.surfaces))
-    if as_json:
-        write, labels = _write_json, list(terrain.surfaces)
-    rows = _rows(terrain, labels, source, digits, corner)
-    if is_terminal():
-        write(rows)
-    else:
-        with StatusLine("answering"):
-            write(rows)
+    labels = [name if as_json else inert_cell(name) for name in terrain.surfaces]
+    asked = _Asked(terrain, labels, digits, corner, below)
+    rows, names = asked.rows(source), asked.columns
+    if columns:
+        rows, names = asked.intervals(source), INTERVALS
+    with nullcontext() if is_terminal() else StatusLine("answering"):
+        if as_json:
+            _write_json(rows, names, "intervals" if columns else "points")
+        else:
+            _write_csv(rows, names)
 
 
 def _refuse_outside(points: list[Point], local: bool, extent: Bounds) -> None:
@@ -202,49 +308,127 @@ def _number(text: str) -> float | None:
     return value if value is not None and math.isfinite(value) else None
 
 
-def _rows(
-    terrain: Terrain, labels: list[str], points: Iterator[Point], digits: int, corner: Point
-) -> Iterator[tuple[Any, ...]]:
-    """Yield the cells of `COLUMNS` for each point, None for an empty one.
+class _Asked(NamedTuple):
+    """Question at points of a terrain, and how its answer is written.
 
-    Args:
+    Attributes:
         terrain: the terrain.
         labels: names of `terrain.surfaces` as they are printed, which may be escaped.
-        points: x and y of each point.
         digits: decimals of heights and normals.
         corner: place in the world from which the points count.
+        below: height below which tops are wanted; None for the highest ones.
     """
-    import numpy as np
 
-    surfaces = [*labels, None]  # the last one, at index -1, is none
-    pointers: dict[int, str | None] = {}
-    while chunk := list(islice(points, _CHUNK)):
-        x, y = np.array(chunk).T
-        found = terrain.sample(x + corner[0], y + corner[1])
-        for element in np.unique(found.element).tolist():
-            if element not in pointers:
-                pointers[element] = terrain.pointer(element)
-        yield from zip(
-            x.tolist(),
-            y.tolist(),
-            _rounded(found.height, digits),
-            [surfaces[i] for i in found.surface.tolist()],
-            [pointers[i] for i in found.element.tolist()],
-            *(_rounded(found.normal[:, axis], digits) for axis in range(3)),
-            _notes(found),
-            strict=True,
+    terrain: Terrain
+    labels: list[str]
+    digits: int
+    corner: Point
+    below: float | None = None
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the cells of a point's row."""
+        return tuple(
+            name for name in COLUMNS if name != "storeys" or self.terrain.storeys is not None
         )
 
+    def rows(self, points: Iterator[Point]) -> Rows:
+        """Yield the cells of `columns` for each point, None for an empty one."""
+        import numpy as np
 
-def _notes(found: PointSamples) -> list[str | None]:
-    """Reason why each point has no height, None where it has one."""
-    import numpy as np
+        from terratool.field.types import OUTSIDE
 
-    from terratool.field.types import OUTSIDE
+        for x, y, there in self._chunks(points):
+            found = self.terrain.sample(*there, self.below)
+            notes = self._notes(found, there)
+            cells: dict[str, list[Any]] = {
+                "x": x,
+                "y": y,
+                "z": self._rounded(found.height),
+                **self._names(found.surface, found.element),
+                **self._normals(found.normal),
+                "note": notes.tolist(),
+            }
+            if self.terrain.storeys is not None:
+                tops = (~np.isnan(self.terrain.column(*there).top)).sum(axis=1)
+                tops = tops.astype(object)
+                tops[found.element == OUTSIDE] = None
+                cells["storeys"] = tops.tolist()
+            yield from zip(*(cells[name] for name in self.columns), strict=True)
 
-    notes = np.where(found.element == OUTSIDE, "outside", "void").astype(object)
-    notes[~np.isnan(found.height)] = None
-    return list(notes)
+    def intervals(self, points: Iterator[Point]) -> Rows:
+        """Yield the cells of `INTERVALS` for each interval of each point, None for an empty one.
+
+        A point without any has one row.
+        """
+        import numpy as np
+
+        for x, y, there in self._chunks(points):
+            found, column = self.terrain.sample(*there), self.terrain.column(*there)
+            has = ~np.isnan(column.top)
+            has[:, 0] = True
+            point, place = np.nonzero(has)
+            bare = np.isnan(column.top[point, place])
+            notes = self._notes(found, there)[point]
+            notes[~bare] = None
+            cells: dict[str, list[Any]] = {
+                "x": [x[i] for i in point.tolist()],
+                "y": [y[i] for i in point.tolist()],
+                "bottom": self._rounded(column.bottom[has]),
+                "z": self._rounded(column.top[has]),
+                "clear": self._rounded(column.clear[has]),
+                **self._names(
+                    np.where(bare, found.surface[point], column.surface[has]),
+                    np.where(bare, found.element[point], column.element[has]),
+                ),
+                "under": self._pointers(column.under[has]),
+                **self._normals(column.normal[has]),
+                "note": notes.tolist(),
+            }
+            yield from zip(*(cells[name] for name in INTERVALS), strict=True)
+
+    def _chunks(
+        self, points: Iterator[Point]
+    ) -> Iterator[tuple[list[float], list[float], tuple[Floats, Floats]]]:
+        """Yield x and y of some points after others, as given, and in the world."""
+        import numpy as np
+
+        while chunk := list(islice(points, _CHUNK)):
+            x, y = np.array(chunk).T
+            yield x.tolist(), y.tolist(), (x + self.corner[0], y + self.corner[1])
+
+    def _rounded(self, values: Floats) -> list[float | None]:
+        return _rounded(values, self.digits)
+
+    def _names(self, surface: NDArray[Any], element: NDArray[Any]) -> dict[str, list[str | None]]:
+        surfaces = [*self.labels, None]  # the last one, at index -1, is none
+        return {
+            "surface": [surfaces[i] for i in surface.tolist()],
+            "element": self._pointers(element),
+        }
+
+    def _pointers(self, elements: NDArray[Any]) -> list[str | None]:
+        import numpy as np
+
+        unique, index = np.unique(elements, return_inverse=True)
+        names = list(map(self.terrain.pointer, unique.tolist()))
+        return [names[i] for i in index.tolist()]
+
+    def _normals(self, normal: Floats) -> dict[str, list[float | None]]:
+        return {f"n{axis}": self._rounded(normal[:, i]) for i, axis in enumerate("xyz")}
+
+    def _notes(self, found: PointSamples, there: tuple[Floats, Floats]) -> NDArray[Any]:
+        """Reasons why points have no height, (n,); None where one has."""
+        import numpy as np
+
+        from terratool.field.types import OUTSIDE
+
+        notes = np.where(found.element == OUTSIDE, "outside", "void").astype(object)
+        if self.below is not None:
+            over = ~np.isnan(self.terrain.height(*there))
+            notes[over] = "above"
+        notes[~np.isnan(found.height)] = None
+        return notes
 
 
 def _rounded(values: NDArray[np.float64], digits: int) -> list[float | None]:
@@ -256,16 +440,22 @@ def _rounded(values: NDArray[np.float64], digits: int) -> list[float | None]:
     return [None if value != value else value for value in rounded.tolist()]
 
 
-def _write_csv(rows: Iterator[tuple[Any, ...]]) -> None:
+def _write_csv(rows: Rows, names: tuple[str, ...]) -> None:
     first = list(islice(rows, 1))  # an error in the first point leaves no output
-    write_rows(chain([COLUMNS], first, rows))
+    write_rows(chain([names], first, rows))
 
 
-def _write_json(rows: Iterator[tuple[Any, ...]]) -> None:
+def _write_json(rows: Rows, names: tuple[str, ...], key: str) -> None:
     first = list(islice(rows, 1))
-    separator = f'{{"format_version": {FORMAT_VERSION}, "points": ['
+    version = QueryDocument().format_version
+    separator = f'{{"format_version": {version}, "{key}": ['
     for row in chain(first, rows):
-        point = json.dumps(dict(zip(COLUMNS, row, strict=True)), ensure_ascii=False)
-        write_json(f"{separator}\n  {point}")
+        found = {name: _finite(value) for name, value in zip(names, row, strict=True)}
+        write_json(f"{separator}\n  {json.dumps(found, ensure_ascii=False)}")
         separator = ","
     write_json("\n]}\n" if first else separator + "]}\n")
+
+
+def _finite(value: Any) -> Any:
+    """Value of a cell, None in place of an infinite number, which JSON does not have."""
+    return None if isinstance(value, float) and math.isinf(value) else value

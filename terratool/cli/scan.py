@@ -138,7 +138,7 @@ def command(
     scan = Scan(sensor, where, ScanOptions(**options))
     wanted = ScanOutput(Path(output), frame == "world", misses, overwrite)
     wanted.checked_format(scan)
-    terrain = load(file, early=partial(refuse_outside, where))
+    terrain = load(file, early=partial(refuse_outside, where), storeys="kept")
     with StatusLine("scanning", scan.rays, then="writing", unit="rays") as status:
         report = export_scan(terrain, scan, wanted, status)
     if as_json:

@@ -10,15 +10,18 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, ClassVar, TextIO
+from typing import TYPE_CHECKING, ClassVar, Literal, TextIO
 
-from terratool.cli.saying import shown_line
+from terratool.cli.saying import say, shown_line
+from terratool.report.wording import hidden_storeys
 
 if TYPE_CHECKING:
     from terratool.definition.findings import Bounds
     from terratool.field.terrain import Terrain
 
-
+Storeys = Literal["said", "noted", "kept"]
+"""Use that a command makes of decks and bores: it leaves them out and says so, or leaves them out
+where its report says so, or keeps them, as it knows them."""
 AFTER = 1.0
 """Time after which a terminal shows progress, s."""
 TICK = 0.2
@@ -146,7 +149,11 @@ class StatusLine:
 
 
 def load(
-    file: str, bounds: Bounds | None = None, early: Callable[[Bounds], object] | None = None
+    file: str,
+    bounds: Bounds | None = None,
+    early: Callable[[Bounds], object] | None = None,
+    *,
+    storeys: Storeys = "said",
 ) -> Terrain:
     """Read, check and compile a definition with the libraries and roughness of the options.
 
@@ -154,6 +161,7 @@ def load(
         file: the file.
         bounds: rectangle that has to overlap the terrain; it is refused before the long work.
         early: called with the bounds of the terrain then; what it raises ends the reading.
+        storeys: what becomes of decks and bores.
 
     Raises:
         RequestError: the rectangle misses the terrain.
@@ -170,4 +178,14 @@ def load(
             early(extent)
 
     with StatusLine(f"reading {short_name(file)}"):
-        return terrain.load(file, library_roots(), roughness=has_roughness(), early=refuse)
+        found = terrain.load(file, library_roots(), roughness=has_roughness(), early=refuse)
+    if storeys == "said":
+        say_hidden(found, file)
+    return found if storeys == "kept" else found.ground_alone
+
+
+def say_hidden(terrain: Terrain, file: str) -> None:
+    """Say how many storeys of a terrain are left out, on standard error."""
+    if terrain.storeys is not None:
+        counts = terrain.storeys.decks, terrain.storeys.bores
+        say(hidden_storeys(*counts, short_name(file)), err=True)

@@ -316,7 +316,7 @@ def command(
     def placed(extent: Bounds) -> Request:
         return replace(request, **_moved(own_places, extent)) if local else request
 
-    terrain = load(file, early=lambda extent: check_places(placed(extent), extent))
+    terrain = load(file, early=lambda extent: check_places(placed(extent), extent), storeys="noted")
     request = placed(terrain.bounds)
     planned = prepare(terrain, vehicles, request, map_path=map_, overwrite=overwrite)
     written = JudgementFiles(reports, map_, overwrite)

@@ -23,7 +23,7 @@ from terratool.cli.report import REPORTERS, Unreadable, ValidationReport, Valida
 from terratool.cli.saying import say, say_error
 from terratool.cli.sources import files_of
 from terratool.cli.terminal import StatusLine, short_name
-from terratool.definition.findings import Finding
+from terratool.definition.findings import Finding, UnseenStorey
 from terratool.definition.reader import Checked, CheckOptions, check, new_shelf
 from terratool.definition.rules import RULES
 from terratool.errors import ReadError, RequestError, WriteError
@@ -302,6 +302,15 @@ def _by_severity(counts: Counter[str]) -> Counter[str]:
     return by_severity
 
 
+def _look(checked: Checked) -> tuple[UnseenStorey, ...]:
+    """Decks and bores that change nothing; what looks for them is imported for terrains alone."""
+    if checked.uses is None or not checked.uses.has_storeys:
+        return ()
+    from terratool.field.unseen import unseen_storeys
+
+    return unseen_storeys(checked)
+
+
 class _ValidationJob(Struct, frozen=True):
     """Files to check, with the plan for it.
 
@@ -332,8 +341,9 @@ class _ValidationJob(Struct, frozen=True):
         """Options of the check of a file, with at most `room` findings."""
         plan = self.plan
         return CheckOptions(
-            True, plan.max_step, room, plan.select, plan.ignore, self.roots, self.ignored_codes
-        )
+            True, plan.max_step, room, plan.select, plan.ignore, self.roots, self.ignored_codes,
+            _look,
+        )  # fmt: skip
 
     def ignored_codes(self, file: str) -> tuple[str, ...]:
         """Codes that the settings ignore in a file."""

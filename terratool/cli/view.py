@@ -217,6 +217,7 @@ def _notes(facts: dict[str, Any]) -> Iterator[str]:
     from terratool.report.numbers import metres
     from terratool.report.wording import count_of
 
+    yield from facts["hidden"]
     if facts["left_out"]:
         yield (
             f"Left out: {count_of(facts['left_out'], 'element')}; "

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
-from msgspec import UNSET, Raw
+from msgspec import UNSET, Raw, Struct
 
 from terratool.definition.exact import rest_of
 from terratool.definition.grid_files import (
@@ -254,6 +254,8 @@ def _whole(value: Any) -> Any:
     """JSON value with whole floats below 1e15 in size as integers."""
     if isinstance(value, tuple):
         return [_whole(part) for part in value]
+    if isinstance(value, Struct):
+        return {key: _whole(part) for key, part in msgspec.to_builtins(value).items()}
     if isinstance(value, float) and value.is_integer() and abs(value) < _EXACT:
         return value if value == 0 and math.copysign(1, value) < 0 else int(value)
     return value
@@ -266,13 +268,13 @@ def _element(tree: Tree, rasters: _Rasters) -> Iterator[str]:
 
     def own(index: int) -> str:
         members: dict[str, Any] = {
-            key: _whole(column[index]) for key, column in used.items() if column[index] is not UNSET
+            key: column[index] for key, column in used.items() if column[index] is not UNSET
         }
         if isinstance(grid := members.get("surfaceGrid"), LinkedSurfaceGrid):
             path = rasters.path(grid.source)
-            written = SurfaceGrid(file=path, band=grid.band, names=grid.names)
-            members["surfaceGrid"] = msgspec.to_builtins(written)
-        return json.dumps(members, ensure_ascii=False)[:-1]
+            members["surfaceGrid"] = SurfaceGrid(file=path, band=grid.band, names=grid.names)
+        written = {key: _whole(value) for key, value in members.items()}
+        return json.dumps(written, ensure_ascii=False)[:-1]
 
     pending: list[str | int] = [0]
     while pending:

@@ -31,6 +31,9 @@ from terratool.definition.keys import (
 )
 from terratool.definition.model import (
     LARGEST,
+    POINT_LENGTHS,
+    Bore,
+    Deck,
     Definition,
     Element,
     GridFile,
@@ -69,6 +72,7 @@ _SUBJECTS: dict[type, str] = {
     Definition: "a terrain", Library: "a library", Repeat: "a repeat", Scatter: "a scatter",
     Surface: "a surface", Roughness: "a roughness", Primitive: "a primitive",
     GridFile: "a grid file", SurfaceGrid: "a surface grid", Element: "an element", Track: "a track",
+    Deck: "a deck", Bore: "a bore",
     VehicleText: "a vehicle", WheelsText: "the wheels", AxleText: "an axle",
     TracksText: "the tracks", FeetText: "the feet",
     CogText: "the centre of gravity", OverhangText: "the overhang",
@@ -385,7 +389,7 @@ class _Decoder:
         for index, part in enumerate(item):
             rest, subject = f"/{key}/{index}", f'item {index} of "{key}"'
             if isinstance(part, list) and len(part) == 2:
-                points.append(self._pair(part, owner, rest, subject, key))
+                points.append(self._numbers(part, owner, rest, subject, key))
             elif isinstance(part, list):
                 self._wrong_type(owner, rest, subject, wanted.words, part)
             else:
@@ -415,8 +419,8 @@ class _Decoder:
                 self._wrong_type(owner, rest, f'row {index} of "{key}"', "a list of numbers", row)
         return tuple(rows)
 
-    def _pair(self, pair: list[Any], owner: Owner, rest: str, subject: str, key: str) -> Any:
-        """Knot or point as a tuple of two numbers."""
+    def _numbers(self, pair: list[Any], owner: Owner, rest: str, subject: str, key: str) -> Any:
+        """Knot or point as a tuple of numbers."""
         return tuple(
             self._single(_NUMBER, value, owner, f"{rest}/{i}", subject, key)
             for i, value in enumerate(pair)
@@ -428,10 +432,11 @@ class _Decoder:
         points = []
         for index, part in enumerate(item):
             rest, subject = f"/{key}/{index}", f'item {index} of "{key}"'
-            if isinstance(part, list) and len(part) == 2:
-                points.append(self._pair(part, owner, rest, subject, key))
+            if isinstance(part, list) and len(part) in POINT_LENGTHS:
+                points.append(self._numbers(part, owner, rest, subject, key))
             else:
-                self._wrong_type(owner, rest, subject, "a point [x, y], two numbers", part)
+                words = "a point [x, y] or [x, y, z], two or three numbers"
+                self._wrong_type(owner, rest, subject, words, part)
         return tuple(points)
 
     def _members(self, kind: type[Struct], wanted: Key, key: str, item: Any, owner: Owner) -> Any:

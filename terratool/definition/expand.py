@@ -9,15 +9,12 @@ from msgspec import UNSET, Struct, structs
 
 from terratool.definition.model import Definition
 from terratool.definition.tree import Tree
-from terratool.definition.uses import Uses, track_surfaces
+from terratool.definition.uses import MAX_ELEMENTS, Uses, track_surfaces
 from terratool.errors import RequestError
 from terratool.report.wording import many
 
 if TYPE_CHECKING:
     from terratool.definition.written import Written
-
-MAX_ELEMENTS = 2_000_000
-"""Most elements that are written out."""
 
 
 class Expansion(Struct, frozen=True, dict=True):
@@ -63,7 +60,7 @@ def expand(uses: Uses) -> Expansion:
     """
     definition, tree = with_names(uses), uses.document.decoded.tree
     if not uses.is_composed and len(tree.roots) == 1:
-        names = tree.worn, tree.distinct("type")
+        names = tree.worn, tree.shapes
         return Expansion(with_names_in_use(definition, *names, uses), tree)
     if uses.elements > MAX_ELEMENTS:
         raise RequestError(
@@ -75,8 +72,8 @@ def expand(uses: Uses) -> Expansion:
 
     elements = write_out(uses, definition)
     definition = structs.replace(definition, elem_tree=UNSET)
-    primitives = elements.different(elements.rows.type)
-    return Expansion(with_names_in_use(definition, elements.worn, primitives, uses), elements)
+    names = elements.worn, elements.shapes
+    return Expansion(with_names_in_use(definition, *names, uses), elements)
 
 
 def with_names_in_use(

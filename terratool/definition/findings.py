@@ -44,6 +44,18 @@ class Remark(Struct, frozen=True, gc=False):
     fix: str = ""
 
 
+class UnseenStorey(Struct, frozen=True):
+    """Deck or bore that changes nothing, as far as was looked at.
+
+    Attributes:
+        pointer: JSON pointer of the element in its text, after the file's name in a library.
+        points: number of points that were looked at.
+    """
+
+    pointer: str
+    points: int
+
+
 class RemarkBatch(Struct, frozen=True):
     """Remarks on many elements, each built only when it is kept.
 

@@ -19,6 +19,7 @@ from terratool.definition.curriculum import (
 )
 from terratool.definition.key import Key, Shape
 from terratool.definition.model import (
+    STOREYS,
     TERRAIN_KEYS,
     Definition,
     Element,
@@ -175,7 +176,7 @@ NESTED: dict[type, dict[str, Nested]] = {
 
 
 MEMBERS: dict[str, type[Struct]] = {
-    "repeat": Repeat, "scatter": Scatter, "surfaceGrid": SurfaceGrid,
+    "repeat": Repeat, "scatter": Scatter, "surfaceGrid": SurfaceGrid, **STOREYS,
 }  # fmt: skip
 """Classes of the objects that keys of elements hold, and that hold no other objects."""
 

@@ -10,6 +10,7 @@ from msgspec import structs
 from terratool.definition.curriculum import CurriculumText
 from terratool.definition.keys import KEYS, NESTED, document_kind
 from terratool.definition.model import (
+    STOREYS,
     Definition,
     Element,
     GridFile,
@@ -48,6 +49,8 @@ def _layouts() -> dict[type, Layout]:
             layouts[kind].members[key] = layout
     layouts[Element].members["repeat"] = layouts[Repeat]
     layouts[Element].members["surfaceGrid"] = structs.replace(layouts[SurfaceGrid], lined=True)
+    for key, kind in STOREYS.items():
+        layouts[Element].members[key] = layouts[kind]
     layouts[Primitive].members["grid"] = structs.replace(layouts[GridFile], lined=True)
     return layouts
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import msgspec
-from msgspec import UNSET, Meta, Struct, UnsetType
+from msgspec import UNSET, Meta, Struct, UnsetType, structs
 
 from terratool.definition.key import FLAG, SCHEMA, TEXT, Key, Shape, choice, ranged, whole
 from terratool.report.documents import one_of
@@ -27,6 +27,8 @@ MAX_BANDS = 65535
 """Most bands of a raster, as in a TIFF."""
 MAX_PASSES = 10**9
 """Most passes of a track; sums of passes stay whole in doubles."""
+POINT_LENGTHS = (2, 3)
+"""Numbers of a point of a track: x and y, and perhaps z."""
 COMBINES = ("product", "sum", "min", "max", "radial")
 """Ways in which the two curves of a primitive combine."""
 REGISTRATIONS = ("gridline", "pixel")
@@ -223,6 +225,89 @@ class SurfaceGrid(GridFile, frozen=True, forbid_unknown_fields=True, rename="cam
         return hash((self.file, self.band, frozenset(self.names.items())))
 
 
+class Storey(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
+    """Other face of an element that stands over other ground or is cut through it.
+
+    The face lies at a distance from the element's own surface, or has a primitive of its own.
+    """
+
+    v_scale: float | UnsetType = UNSET
+    v_offset: float | UnsetType = UNSET
+    datum: bool | UnsetType = UNSET
+
+    @property
+    def gap(self) -> float | UnsetType:
+        """Distance of the face from the element's own surface; `UNSET` where a primitive gives it.
+
+        It counts downwards for a deck and upwards for a bore.
+        """
+        raise NotImplementedError
+
+    @property
+    def face(self) -> str | UnsetType:
+        """Name of the primitive of the face; `UNSET` where a distance gives it."""
+        raise NotImplementedError
+
+    def times(self, factor: float) -> Storey:
+        """Return the storey with all its heights multiplied by a factor."""
+        if factor == 1.0:
+            return self
+        name = GAPS[type(self)]
+        scale = 1.0 if self.v_scale is UNSET else self.v_scale
+        heights: dict[str, Any] = {}
+        if self.gap is not UNSET:
+            heights[name] = factor * self.gap
+        if self.face is not UNSET:
+            heights["v_scale"] = factor * scale
+        if self.v_offset is not UNSET:
+            heights["v_offset"] = factor * self.v_offset
+        return structs.replace(self, **heights)
+
+
+class Deck(Storey, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
+    """Storey that stands over other ground, with its underside."""
+
+    thickness: float | UnsetType = UNSET
+    under: str | UnsetType = UNSET
+
+    @property
+    def gap(self) -> float | UnsetType:
+        """Distance of the underside below the deck's own top; `UNSET` beside `under`."""
+        return self.thickness
+
+    @property
+    def face(self) -> str | UnsetType:
+        """Name of the primitive of the underside; `UNSET` beside `thickness`."""
+        return self.under
+
+
+class Bore(Storey, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
+    """Storey that is cut through other ground, with its ceiling."""
+
+    height: float | UnsetType = UNSET
+    roof: str | UnsetType = UNSET
+
+    @property
+    def gap(self) -> float | UnsetType:
+        """Distance of the ceiling above the bore's own floor; `UNSET` beside `roof`."""
+        return self.height
+
+    @property
+    def face(self) -> str | UnsetType:
+        """Name of the primitive of the ceiling; `UNSET` beside `height`."""
+        return self.roof
+
+
+GAPS: dict[type[Storey], str] = {Deck: "thickness", Bore: "height"}
+"""Key, and attribute, of the distance between the two faces of each kind of storey."""
+FACES: dict[type[Storey], str] = {Deck: "under", Bore: "roof"}
+"""Key, and attribute, of the primitive of the other face of each kind of storey."""
+STOREYS: dict[str, type[Storey]] = {"deck": Deck, "bore": Bore}
+"""Class of each kind of storey by its key, and attribute, of an element."""
+FACE_KEYS = {"vScale": "v_scale", "vOffset": "v_offset"}
+"""Attributes of the numbers of the primitive of the other face, by key."""
+
+
 class Element(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", gc=False):
     """Primitive or part placed in a cell, with the grid that divides the cell for its children.
 
@@ -242,6 +327,8 @@ class Element(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", g
     part: str | UnsetType = UNSET
     surface: str | UnsetType = UNSET
     surface_grid: SurfaceGrid | UnsetType = UNSET
+    deck: Deck | UnsetType = UNSET
+    bore: Bore | UnsetType = UNSET
     v_scale: _Number | UnsetType = UNSET
     v_offset: _Number | UnsetType = UNSET
     turn_deg: _Number | UnsetType = UNSET
@@ -253,7 +340,7 @@ class Track(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_
     """Rut of one wheel: a polyline with a width, and the depth of the wheel's sinkage along it."""
 
     descr: str | UnsetType = UNSET
-    path: tuple[Pair, ...] | UnsetType = UNSET
+    path: tuple[tuple[float, ...], ...] | UnsetType = UNSET
     width: float | UnsetType = UNSET
     load: float | UnsetType = UNSET
     depth: float | dict[str, float] | UnsetType = UNSET
@@ -263,8 +350,14 @@ class Track(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw_
 
     @property
     def points(self) -> tuple[Pair, ...]:
-        """Points of the polyline, empty where absent."""
-        return () if self.path is UNSET else self.path
+        """Points (x, y) of the polyline, empty where absent."""
+        return () if self.path is UNSET else tuple((point[0], point[1]) for point in self.path)
+
+    @property
+    def heights(self) -> tuple[float, ...]:
+        """Height at each point, near which the ground lies that the wheel is on; NaN for none."""
+        path = () if self.path is UNSET else self.path
+        return tuple(point[2] if len(point) > 2 else math.nan for point in path)
 
     @property
     def by_load(self) -> bool:
@@ -379,6 +472,16 @@ def _figure(
     return ranged(Key(what, "number", low, high, open_low, open_high))
 
 
+def _thick(what: str) -> Key:
+    """Key for the distance of the other face of a storey from its own surface."""
+    words = f"the distance of {what}, above 0, from 1e-30 to 1e30"
+    return Key(words, "number", SMALLEST, LARGEST)
+
+
+_SHAPE = Key("the name of a primitive, a text", "text")
+_DATUM = FLAG.describe(
+    "Heights count from 0, not from the elements whose cells it is in.", True, default=False
+)
 _EVEN = "; or a range [low, high] in which every value is equally likely."
 
 
@@ -600,6 +703,16 @@ TERRAIN_KEYS: dict[Shape, dict[str, Key]] = {
             "a class that names knows.",
             {"file": "classes.tif", "names": {"1": "sand", "2": "rock"}},
         ),
+        "deck": Key('an object such as { "thickness": 0.3 }', "members").describe(
+            "The element and all in its cell stand over other ground, with an underside: a bridge, "
+            "a shelf, a roof. Heights count from the elements whose cells it is in.",
+            {"thickness": 0.3, "datum": True},
+        ),
+        "bore": Key('an object such as { "height": 3 }', "members").describe(
+            "The element and all in its cell are cut through other ground, with a ceiling: a "
+            "tunnel, a culvert, a cave. Heights count from the elements whose cells it is in.",
+            {"height": 3, "datum": True},
+        ),
         "vScale": _NUMBER.describe(
             "Factor on the curves, may be negative; left out: side of its cell / side of the "
             "terrain, the smaller of the two directions. Of a part: factor on all its heights, "
@@ -626,6 +739,32 @@ TERRAIN_KEYS: dict[Shape, dict[str, Key]] = {
             "Elements placed in that grid; several may share a cell.",
             [{"type": "box", "cellX": 1, "cellY": 4}], default=[],
         ),
+    },
+    Deck: {
+        "thickness": _thick("the underside").describe(
+            "How far the underside lies below the deck's own top; children do not move it. In "
+            "place of under.", 0.3,
+        ),
+        "under": _SHAPE.describe(
+            "Name of a primitive in elemTypes: the shape of the underside over the deck's "
+            "footprint, in place of thickness.", "arch",
+        ),
+        "vScale": _NUMBER.describe("Factor on the curves of under.", 2.5, default=1),
+        "vOffset": _NUMBER.describe("Added to the height of under.", 1, default=0),
+        "datum": _DATUM,
+    },
+    Bore: {
+        "height": _thick("the ceiling").describe(
+            "How far the ceiling lies above the bore's own floor; children do not move it. In "
+            "place of roof.", 3,
+        ),
+        "roof": _SHAPE.describe(
+            "Name of a primitive in elemTypes: the shape of the ceiling over the bore's footprint, "
+            "in place of height.", "vault",
+        ),
+        "vScale": _NUMBER.describe("Factor on the curves of roof.", 4, default=1),
+        "vOffset": _NUMBER.describe("Added to the height of roof.", 1, default=0),
+        "datum": _DATUM,
     },
     Repeat: {
         "count": Key(
@@ -672,11 +811,12 @@ TERRAIN_KEYS: dict[Shape, dict[str, Key]] = {
     Track: {
         "descr": TEXT.describe("What the track is.", "Front left wheel", default=""),
         "path": Key(
-            "a list of two points [x, y] or more, numbers up to 1e30 in size", "path", -LARGEST,
-            LARGEST,
+            "a list of two points [x, y] or [x, y, z] or more, numbers up to 1e30 in size", "path",
+            -LARGEST, LARGEST,
         ).describe(
-            "The points [x, y] of the polyline, two or more, in world coordinates.",
-            [[2, 3], [30, 3.5]],
+            "The points of the polyline, two or more, in world coordinates: all [x, y] for a wheel "
+            "on the ground, or all [x, y, z] for one on the floors nearest to these heights.",
+            [[2, 3], [30, 3.5]], [[2, 3, 6], [30, 3.5, 6.2]],
         ),
         "width": Key("a width above 0, from 1e-30 to 1e30", "number", SMALLEST, LARGEST).describe(
             "Width of the rut.", 0.2,

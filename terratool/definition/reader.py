@@ -6,7 +6,7 @@ import gc
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +24,7 @@ from terratool.definition.findings import (
     Remark,
     RemarkBatch,
     RemarkLog,
+    UnseenStorey,
 )
 from terratool.definition.key import Key
 from terratool.definition.keys import KEYS, Kind, document_kind
@@ -31,7 +32,11 @@ from terratool.definition.libraries import Shelf, SourceDocument, known_names
 from terratool.definition.model import (
     COMBINES,
     LARGEST,
+    POINT_LENGTHS,
     REGISTRATIONS,
+    STOREYS,
+    Bore,
+    Deck,
     Definition,
     Element,
     GridFile,
@@ -198,6 +203,8 @@ class CheckOptions(Struct, frozen=True):
             are files, too.
         library_roots: folders under which libraries may lie, beside the current one and the
             folder of the file.
+        look: function that looks at the heights of a terrain for decks and bores that change
+            nothing; None for none, as this takes a compiled terrain.
     """
 
     warnings: bool = True
@@ -207,6 +214,7 @@ class CheckOptions(Struct, frozen=True):
     ignore: tuple[str, ...] = ()
     library_roots: tuple[str, ...] = ()
     ignored_in: Callable[[str], tuple[str, ...]] = lambda _: ()
+    look: Callable[[Checked], tuple[UnseenStorey, ...]] | None = None
 
     def of(self, file: str) -> CheckOptions:
         """Return the options with the codes that are ignored in a file."""
@@ -598,7 +606,7 @@ _RANGED: dict[type, list[tuple[str, Key]]] = {
         for name, key in names_of(kind)
         if KEYS[kind][key].kind in ("number", "whole")
     ]
-    for kind in (Definition, Library, Surface, Roughness, Track)
+    for kind in (Definition, Library, Surface, Roughness, Track, Deck, Bore)
 }
 
 
@@ -611,6 +619,11 @@ def _in_range(definition: Library, tree: Tree) -> bool:
     ranged = [(tree.distinct(key), KEYS[Element][key]) for key in ("cells", "extent")]
     bands = {grid.band for grid in tree.distinct("surface_grid") - {msgspec.UNSET}}
     ranged.append((bands, KEYS[SurfaceGrid]["band"]))
+    ranged += [
+        ({getattr(storey, name) for storey in tree.distinct(key) - {msgspec.UNSET}}, wanted)
+        for key, kind in STOREYS.items()
+        for name, wanted in _RANGED[kind]
+    ]
     tracks = definition.ruts if isinstance(definition, Definition) else ()
     ranged += [
         ({getattr(owner, name)}, key)
@@ -633,7 +646,10 @@ def _in_range(definition: Library, tree: Tree) -> bool:
             numbers = set(chain.from_iterable(primitive.grid)) - {None}
             ranged.append((numbers, KEYS[Primitive]["grid"]))
     for track in tracks:
-        ranged.append((set(chain.from_iterable(track.points)), KEYS[Track]["path"]))
+        path = () if track.path is msgspec.UNSET else track.path
+        if any(len(point) not in POINT_LENGTHS for point in path):
+            return False
+        ranged.append((set(chain.from_iterable(path)), KEYS[Track]["path"]))
         if track.depth is not msgspec.UNSET:
             depths = track.depth.values() if isinstance(track.depth, dict) else (track.depth,)
             ranged.append((set(depths), KEYS[Track]["depth"]))
@@ -672,7 +688,8 @@ def _apply_rules(document: SourceDocument, found: RemarkLog, options: CheckOptio
             found.take(rule.code, remarks)
     if options.warnings and subjects:
         looked = any(kind == "terrain" for kind, _ in subjects)
-        idle = ("TT211",) if looked and options.max_step is None else ()
+        idle = ("TT211",) * (looked and options.max_step is None)
+        idle += ("TT223", "TT224") * (options.look is None or decoded.library is not None)
         found.take("TT113", ignores.useless_entries(idle))
 
 
@@ -684,9 +701,13 @@ def _subjects(document: SourceDocument, options: CheckOptions) -> list[tuple[Kin
         library = decoded.library
         terrain = Definition(**{name: getattr(library, name) for name, _ in names_of(Library)})
     if terrain is not None:
+        look: Callable[[], tuple[UnseenStorey, ...]] = tuple
+        if options.look is not None and decoded.library is None:
+            sound = Checked((), Counter(), terrain=terrain, tree=decoded.tree, document=document)
+            look = partial(_look, sound, options.look)
         return [("terrain", Subject(
             definition=terrain, tree=decoded.tree, document=document, unfit=decoded.unfit,
-            size=source.size, packed=source.packed, max_step=options.max_step,
+            size=source.size, packed=source.packed, max_step=options.max_step, look=look,
         ))]  # fmt: skip
     if decoded.vehicle is not None:
         return [("vehicle", VehicleSubject(vehicle=decoded.vehicle, unfit=decoded.unfit))]
@@ -700,6 +721,15 @@ def _subjects(document: SourceDocument, options: CheckOptions) -> list[tuple[Kin
         ground = ground_subject(spec)
         return subjects if ground is None else [*subjects, ("terrain", ground)]
     return []
+
+
+def _look(
+    checked: Checked, look: Callable[[Checked], tuple[UnseenStorey, ...]]
+) -> tuple[UnseenStorey, ...]:
+    """Storeys that change nothing in a text without errors; none if a library of it has some."""
+    document = checked.document
+    assert document is not None
+    return () if document.catalogue.libraries_where(document, _is_bad) else look(checked)
 
 
 def _locate_findings(

@@ -15,6 +15,13 @@ from terratool.definition.key import Key, Shape
 from terratool.definition.keys import KEYS, MEMBERS, NESTED, REQUIRED
 from terratool.definition.model import (
     CLASS,
+    FACE_KEYS,
+    FACES,
+    GAPS,
+    POINT_LENGTHS,
+    STOREYS,
+    Bore,
+    Deck,
     Definition,
     Element,
     GridFile,
@@ -22,6 +29,7 @@ from terratool.definition.model import (
     Primitive,
     Repeat,
     Scatter,
+    Storey,
     Surface,
     SurfaceGrid,
     Track,
@@ -97,14 +105,25 @@ def _one_of(*keys: str, by: str = "anyOf") -> Json:
 
 _GIVEN = {"$ref": "#/$defs/given"}
 _RADIAL = _needs("combine", combine={"const": "radial"})
+_BESIDE_PART = dict.fromkeys(("surfaceGrid", *STOREYS, "cells", "children"), False)
 _TYPE_OR_PART = {
-    "oneOf": [_needs("type"), _needs("part", surfaceGrid=False, cells=False, children=False)]
+    "oneOf": [_needs("type"), _needs("part", **_BESIDE_PART)],
+    "not": _needs(*STOREYS),
 }
 _IN_A_CELL = _needs(
     "cellX", "cellY", at=False, extent=False,
     repeat={"properties": {"step": {"items": {"type": "integer"}}}},
 )  # fmt: skip
 _AT_A_PLACE = _needs("at", "extent", cellX=False, cellY=False, span=False)
+
+
+def _face(kind: type[Storey]) -> Json:
+    """Schema of the other face of a storey: a distance, or a primitive with its numbers."""
+    gap, face = GAPS[kind], FACES[kind]
+    beside = dict.fromkeys((face, *FACE_KEYS), False)
+    return {"oneOf": [_needs(gap, **beside), _needs(face, **{gap: False})]}
+
+
 _BEYOND_KEYS: dict[Shape, Json] = {
     Definition: {"required": ["size", "elemTree"], **_one_of("elemTypes", "use")},
     Primitive: {
@@ -122,6 +141,8 @@ _BEYOND_KEYS: dict[Shape, Json] = {
     GridFile: {"required": ["file"]},
     SurfaceGrid: {"required": ["file", "names"]},
     Repeat: {"required": ["count", "step"]},
+    Deck: _face(Deck),
+    Bore: _face(Bore),
     Scatter: {"required": ["sizes"], **_one_of("count", "density", by="oneOf")},
     Track: {"required": ["path", "width"], **_one_of("load", "depth")},
     VehicleText: {
@@ -185,6 +206,9 @@ _PART: Json = {
         {"type": "box", "cells": [4, 1], "children": [{"cellX": 0, "cellY": 0, "type": "box"}]}
     ],
 }
+
+_WITHOUT = {"root": frozenset((*PLACEMENT, *STOREYS)), "part": frozenset(PLACEMENT)}
+"""Keys that elements without a place do not have."""
 
 _POINT = {"type": "number", "minimum": -1e30, "maximum": 1e30}
 _VALUES: dict[str, Json] = {
@@ -263,7 +287,7 @@ def _number(key: Key) -> Json:
 def _value(key: Key) -> Json:
     """Schema of the values of a key that is no object and holds none."""
     if key.kind == "path":
-        return _list(_list(_number(key), 2, 2), 2)
+        return {"anyOf": [_list(_list(_number(key), n, n), 2) for n in POINT_LENGTHS]}
     if key.kind == "grid":
         return _list(
             _list({"type": ["number", "null"], "minimum": key.low, "maximum": key.high}, 1), 1
@@ -373,7 +397,7 @@ class _SchemaWriter:
         """Reference to the definition of an object, which is added where there is none."""
         if name not in self.definitions:
             self.definitions[name] = texts  # keeps the order while elements in elements are added
-            without = frozenset(PLACEMENT) if name in ("root", "part") else frozenset[str]()
+            without = _WITHOUT.get(name, frozenset[str]())
             after = {key: texts[key] for key in ("default", "examples") if key in texts}
             before = {"description": texts["description"]}
             self.definitions[name] = before | self.object(shape, without) | after

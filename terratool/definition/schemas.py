@@ -12,7 +12,7 @@ from terratool.text.meaning import guess
 
 NAMES = (
     "terrain", "library", "vehicle", "curriculum", "sensor", "report", "comparison", "gate",
-    "difference", "info", "library-info",
+    "difference", "info", "library-info", "query",
 )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from around, and, where copies are scattered over cells of it, for each size of 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,12 +17,12 @@ from numpy.typing import NDArray
 
 from terratool.definition.chains import Chain, Chains, with_quarters
 from terratool.definition.exact import Exact, Sides, side, sides
-from terratool.definition.expand import MAX_ELEMENTS, with_names, with_names_in_use
+from terratool.definition.expand import with_names, with_names_in_use
 from terratool.definition.model import Definition, Pair, pair_of
 from terratool.definition.scatter_areas import area_of, copies_over
 from terratool.definition.tree import ROOT, with_classes
 from terratool.definition.turning import turn_block
-from terratool.definition.uses import Root, Uses, copies, scatters_over_cells
+from terratool.definition.uses import MAX_ELEMENTS, Root, Uses, copies, scatters_over_cells
 from terratool.errors import RequestError
 from terratool.report.wording import count_of
 
@@ -203,13 +204,18 @@ class _Site(NamedTuple):
         return None if self.pitches is None else _Cell(self.pitches, tree.block(index)[2:])
 
 
-def blueprint(uses: Uses) -> Blueprint:
-    """Templates of a valid definition.
+def blueprint(uses: Uses, surfaces: set[Any], primitives: set[Any]) -> Blueprint:
+    """Templates of a valid definition, without its storeys and what is in them.
+
+    Args:
+        uses: file of the definition, and the parts that it uses.
+        surfaces: names of surfaces that the definition keeps beside those of the templates.
+        primitives: names of primitives that it keeps likewise.
 
     Raises:
         RequestError: templates come to too many elements.
     """
-    return _Drafter(uses).draw()
+    return _Drafter(uses).draw(surfaces, primitives)
 
 
 class _Drafter:
@@ -222,9 +228,8 @@ class _Drafter:
         self._sized = uses.parts_leading_to(scatters_over_cells)
         self._depending: dict[tuple[int, int], bool] = {}
 
-    def draw(self) -> Blueprint:
+    def draw(self, surfaces: set[Any], primitives: set[Any]) -> Blueprint:
         chain = self.chains.of(self.uses.root)
-        tree, element = chain.root.tree, chain.root.element
         whole = _Cell(sides(with_names(self.uses).extent), ONE)
         whole = whole.turn_by(chain.quarters)
         first = self._key(chain.root, chain.quarters, chain.surface, whole)
@@ -241,7 +246,7 @@ class _Drafter:
         root = BlueprintNode(
             chain, chain.surface, _turn(chain, chain.quarters), templates[0].cells, (0, 0), ONE,
             None, None, None, None, None,
-            0 if tree.brood(element)[0] < tree.brood(element)[1] else -1, (ROOT, chain.name),
+            0 if self._children(chain.root) else -1, (ROOT, chain.name),
         )  # fmt: skip
         nodes = [root, *(node for template in templates for node in template.nodes)]
         types, grids = (
@@ -249,8 +254,22 @@ class _Drafter:
             for name in ("type", "surface_grid")
         )
         worn = with_classes({node.chain.surface for node in nodes}, grids)
-        definition = with_names_in_use(with_names(self.uses), worn, types, self.uses)
+        definition = with_names_in_use(
+            with_names(self.uses), worn | surfaces, types | primitives, self.uses
+        )
         return Blueprint(definition, root, templates)
+
+    def _children(self, root: Root) -> Sequence[int]:
+        """Indices of the children of an element that are no storeys."""
+        children = range(*root.tree.brood(root.element))
+        if not self.uses.has_storeys:
+            return children
+        ends = (self.chains.of(root._replace(element=index)).root for index in children)
+        return [
+            index
+            for index, end in zip(children, ends, strict=True)
+            if end.tree.storey(end.element) is UNSET
+        ]
 
     def _key(self, root: Root, quarters: int, surface: Any, cell: _Cell | None) -> _Key:
         """Key of the template of the elements in the cell of an element."""
@@ -299,18 +318,19 @@ class _Drafter:
         while level:
             below = []
             for parent, element, around, cell in level:
-                begin, end = tree.brood(element)
-                if begin == end:
+                begin, _ = tree.brood(element)
+                children = self._children(Root(tree, element, root.home))
+                if not children:
                     continue
-                families.append((parent, len(nodes), len(nodes) + end - begin))
-                for index in range(begin, end):
+                families.append((parent, len(nodes), len(nodes) + len(children)))
+                for index in children:
                     own = Root(tree, index, root.home)
                     site = _Site(own, f"/children/{index - begin}", around, quarters, cell)
                     scattered = tree.value("scatter", index) is not UNSET
                     node, found = (
                         self._scattered_node(site) if scattered else self._single_node(site)
                     )
-                    if node.chain.root == own and not scattered and _has_children(own):
+                    if node.chain.root == own and not scattered and self._children(own):
                         below.append((len(nodes), index, node.surface, site.cell))
                     nodes.append(node)
                     inner.append(found)
@@ -332,7 +352,7 @@ class _Drafter:
         chain = self.chains.of(site.root)
         worn = site.surface if chain.surface is UNSET else chain.surface
         node = _node(site, chain, worn)
-        if chain.root == site.root or not _has_children(chain.root):
+        if chain.root == site.root or not self._children(chain.root):
             return node, _Inner([])
         cell = None
         if self._depends_on_size(chain.root) and site.cell is not None:
@@ -368,7 +388,7 @@ class _Drafter:
             np.broadcast_to(lengths[:, None], (len(x), 2)), None, numbers, -1,
             (site.step, chain.name),
         )  # fmt: skip
-        if not _has_children(chain.root):
+        if not self._children(chain.root):
             return node, _Inner([])
         sized = self._depends_on_size(chain.root)
         kinds = np.column_stack([quarters, lengths if sized else np.zeros(len(x))])
@@ -378,11 +398,6 @@ class _Drafter:
             cell = _Cell(Sides(side(length, 0.0), side(length, 0.0)), ONE) if sized else None
             keys.append(self._key(chain.root, int(turned), worn, cell))
         return node, _Inner(keys, which.reshape(-1))
-
-
-def _has_children(root: Root) -> bool:
-    begin, end = root.tree.brood(root.element)
-    return begin < end
 
 
 def _numbers(inner: _Inner, number: dict[_Key, int]) -> Any:

@@ -169,10 +169,33 @@ class Tree(Struct, frozen=True, dict=True):
         """Names of the surfaces of elements, their own and those of classes; `UNSET` for none."""
         return with_classes(self.distinct("surface"), self.distinct("surface_grid"))
 
+    def storey(self, index: int) -> Any:
+        """Deck or bore that an element is; `UNSET` for the ground."""
+        deck = self.value("deck", index)
+        return self.value("bore", index) if deck is UNSET else deck
+
+    @cached_property
+    def has_storeys(self) -> bool:
+        """Whether any element is a deck or a bore."""
+        return any(self.distinct(key) != {UNSET} for key in ("deck", "bore"))
+
     def wears(self, index: int, surfaces: set[str]) -> bool:
         """Whether an element has one of some surfaces, its own or that of a class."""
         own = {self.value("surface", index)}
         return not with_classes(own, (self.value("surface_grid", index),)).isdisjoint(surfaces)
+
+    @property
+    def shapes(self) -> set[Any]:
+        """Names of primitives of elements, and of other faces of storeys; `UNSET` for none."""
+        storeys = self.distinct("deck") | self.distinct("bore")
+        return self.distinct("type").union(one.face for one in storeys if one is not UNSET)
+
+    def has_shape(self, index: int, primitives: set[str]) -> bool:
+        """Whether an element has one of some primitives, its own or that of its other face."""
+        if self.value("type", index) in primitives:
+            return True
+        storey = self.storey(index) if self.has_storeys else UNSET
+        return storey is not UNSET and storey.face in primitives
 
     def count_lacking(self, name: str) -> int:
         """Number of elements without an attribute."""
@@ -270,16 +293,19 @@ class Tree(Struct, frozen=True, dict=True):
                     crowded.append((begin, end))
         return crowded
 
-    @cached_property
-    def shared_cells(self) -> list[tuple[int, int]]:
-        """Elements that share cells with an earlier sibling, each with that sibling."""
+    def shared_cells(self, apart: Container[int] = ()) -> list[tuple[int, int]]:
+        """Elements that share cells with an earlier sibling, each with that sibling.
+
+        Args:
+            apart: elements that are not looked at.
+        """
         xs, ys = self.column("cell_x"), self.column("cell_y")
         spans = self.distinct("span") != {UNSET}
-        if any(self.distinct(key) != {UNSET} for key in ("at", "repeat", "scatter")):
+        if apart or any(self.distinct(key) != {UNSET} for key in ("at", "repeat", "scatter")):
             return [
                 pair
                 for _, begin, end in self.families
-                for pair in self._shared_cells_of(begin, end)
+                for pair in self._shared_cells_of(begin, end, apart)
             ]
         shared = []
         for begin, end in self.crowded_siblings:
@@ -294,7 +320,9 @@ class Tree(Struct, frozen=True, dict=True):
                     shared.append((index, other))
         return shared
 
-    def _shared_cells_of(self, begin: int, end: int) -> list[tuple[int, int]]:
+    def _shared_cells_of(
+        self, begin: int, end: int, apart: Container[int]
+    ) -> list[tuple[int, int]]:
         """Siblings in a range that share cells with an earlier one, some copied or at free places.
 
         Where there are very many copies, only the first ones are compared.
@@ -303,7 +331,9 @@ class Tree(Struct, frozen=True, dict=True):
         owners: list[int] = []
         for index in range(begin, end):
             x, y, w, h = self.block(index)
-            if {self.value("at", index), self.value("scatter", index)} != {UNSET}:
+            if index in apart or (
+                {self.value("at", index), self.value("scatter", index)} != {UNSET}
+            ):
                 continue
             if min(x, y) < 0:
                 return []

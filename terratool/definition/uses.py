@@ -14,6 +14,8 @@ from terratool.definition.model import Definition, Element, Library, Pair, pair_
 from terratool.definition.scattering import copy_count
 from terratool.definition.tree import ROOT, Tree, part_pointer
 
+MAX_ELEMENTS = 2_000_000
+"""Most elements that are written out."""
 MAX_DEPTH = 1000
 """Most parts that may stand in one another."""
 
@@ -154,14 +156,17 @@ class PartGraph(Struct, frozen=True, dict=True):
         return counts
 
     @cached_property
-    def heights(self) -> dict[str, _HeightBounds]:
+    def heights(self) -> dict[str, HeightBounds]:
         """Largest factors and offsets of heights in each part; parts in circles are left out."""
-        known: dict[str, _HeightBounds] = {}
+        known: dict[str, HeightBounds] = {}
         for name in self.inner_first:
             root = self.root(name)
             top, *below = (_heights(root.tree, index, known) for index in elements_of(root))
-            known[name] = _HeightBounds(
-                max([top.below, *(one.largest for one in below)]), top.offset
+            known[name] = HeightBounds(
+                max([top.below, *(one.largest for one in below)]),
+                top.offset,
+                min(one.thinnest for one in (top, *below)),
+                max(one.thickest for one in (top, *below)),
             )
         return known
 
@@ -196,6 +201,15 @@ class Uses(Struct, frozen=True, dict=True):
         """Whether parts or copies have to be written out."""
         tree = self.document.decoded.tree
         return any(tree.distinct(key) != {UNSET} for key in ("part", "repeat", "scatter"))
+
+    @cached_property
+    def has_storeys(self) -> bool:
+        """Whether any element of the terrain is a deck or a bore, directly or in a part."""
+        roots = (self.root, *map(self.part, self.parts_in_use)) if self.has_root else ()
+        return any(
+            root.tree.has_storeys and any(root.tree.storey(one) for one in elements_of(root))
+            for root in roots
+        )
 
     @property
     def has_root(self) -> bool:
@@ -274,6 +288,9 @@ class Uses(Struct, frozen=True, dict=True):
         for root in (self.root, *map(self.part, self.parts_in_use)):
             for names, key in (surfaces, "surface"), (primitives, "type"):
                 names |= dict.fromkeys(map(root.tree.column(key).__getitem__, elements_of(root)))
+            if root.tree.has_storeys:
+                storeys = filter(None, map(root.tree.storey, elements_of(root)))
+                primitives |= dict.fromkeys(storey.face for storey in storeys)
             if root.tree.distinct("surface_grid") != {UNSET}:
                 classes = map(root.tree.column("surface_grid").__getitem__, elements_of(root))
                 for grid in dict.fromkeys(classes):
@@ -283,15 +300,15 @@ class Uses(Struct, frozen=True, dict=True):
             names.pop(UNSET, None)  # type: ignore[call-overload]
         return {"surfTypes": surfaces, "elemTypes": primitives, "parts": dict(self.parts_in_use)}
 
-    def tallest(self) -> Iterator[tuple[PartUse, float]]:
-        """Elements of the terrain that stand for parts, each with the largest number in the part.
+    def height_bounds(self) -> Iterator[tuple[PartUse, HeightBounds]]:
+        """Elements of the terrain that stand for parts, each with the numbers in the part.
 
         The numbers are the factors and offsets of heights when the part is written out.
         """
         if self.has_root:
             for use in self.within(self.root):
                 if use.part in self.graph.heights:
-                    yield use, _heights(self.root.tree, use.element, self.graph.heights).largest
+                    yield use, _heights(self.root.tree, use.element, self.graph.heights)
 
     @property
     def elements(self) -> int:
@@ -312,28 +329,49 @@ class Uses(Struct, frozen=True, dict=True):
         return found
 
 
-class _HeightBounds(NamedTuple):
-    """Offset of an element, and the largest of all other numbers in the part that it stands for."""
+class HeightBounds(NamedTuple):
+    """Numbers of heights of an element, and of all elements of the part that it stands for.
+
+    Attributes:
+        below: largest of all numbers but the offset of the element.
+        offset: offset of the element.
+        thinnest: least thickness of a deck, or height of a bore; infinite without any.
+        thickest: greatest thickness of a deck, or height of a bore; minus infinity without any.
+    """
 
     below: float
     offset: float
+    thinnest: float = math.inf
+    thickest: float = -math.inf
 
     @property
     def largest(self) -> float:
-        return max(self.below, abs(self.offset))
+        """Largest number."""
+        return max(self.below, abs(self.offset), self.thickest)
 
 
-def _heights(tree: Tree, index: int, known: dict[str, _HeightBounds]) -> _HeightBounds:
-    """Largest numbers of an element; a vScale that it leaves out is 1 at most."""
+def _heights(tree: Tree, index: int, known: dict[str, HeightBounds]) -> HeightBounds:
+    """Numbers of an element; a vScale that it leaves out is 1 at most."""
     own, offset = tree.value("v_scale", index), tree.value("v_offset", index)
     scatter, inner = tree.value("scatter", index), known.get(tree.value("part", index))
     scale = 1.0 if own is UNSET else own
-    if scatter is not UNSET:
-        scale *= scatter.sizes[1]
+    sizes = (1.0, 1.0) if scatter is UNSET else scatter.sizes
     offset = 0.0 if offset is UNSET else offset
-    if inner is None:
-        return _HeightBounds(abs(scale), offset)
-    return _HeightBounds(abs(scale) * max(1.0, inner.below), scale * inner.offset + offset)
+    below = abs(scale * sizes[1])
+    gaps: list[float] = []
+    if inner is not None:
+        below *= max(1.0, inner.below)
+        offset += scale * sizes[1] * inner.offset
+        gaps += (inner.thinnest, inner.thickest) if inner.thinnest < math.inf else ()
+        sizes = sizes[0] * scale, sizes[1] * scale
+    elif tree.has_storeys and (storey := tree.storey(index)) is not UNSET:
+        faces = (storey.v_scale, storey.v_offset)
+        below = max([below, *(sizes[1] * abs(one) for one in faces if one is not UNSET)])
+        gaps += () if storey.gap is UNSET else (storey.gap,)
+    products = [size * gap for size in sizes for gap in gaps]
+    return HeightBounds(
+        below, offset, min(products, default=math.inf), max(products, default=-math.inf)
+    )
 
 
 def track_surfaces(terrain: Library) -> set[str]:

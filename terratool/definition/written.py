@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from msgspec import UNSET
@@ -12,14 +12,24 @@ from numpy.typing import NDArray
 
 from terratool.definition.chains import Chain, Chains
 from terratool.definition.exact import Exact, ExactSide, Sides, rest_of, rests_of, side, sides
-from terratool.definition.model import DEFAULT_CELLS, Definition, Element, pair_of
+from terratool.definition.model import (
+    DEFAULT_CELLS,
+    Deck,
+    Definition,
+    Element,
+    Storey,
+    pair_of,
+)
 from terratool.definition.scatter_areas import area_of, copies_over
 from terratool.definition.tree import ROOT, Tree, with_classes
 from terratool.definition.turning import turn_block
-from terratool.definition.uses import Root, Uses
+from terratool.definition.uses import MAX_ELEMENTS, Root, Uses
+from terratool.errors import RequestError
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Share = Literal["all", "ground", "storeys"]
+"""Elements of a terrain that are written out."""
 
 
 class ValueCodes:
@@ -67,6 +77,8 @@ class Rows(NamedTuple):
         type: (n,) code of the primitive.
         surface: (n,) code of the surface.
         surface_grid: (n,) code of the raster of classes.
+        storey: (n,) code of the deck or bore of the text, whose heights are to be multiplied by
+            `factor`.
         descr: (n,) code of the description.
         child: (n,) index among the children in the text.
         copy: (n, 2) column and row among copies in rows, or the number among scattered ones and -1;
@@ -93,6 +105,7 @@ class Rows(NamedTuple):
     type: Ints
     surface: Ints
     surface_grid: Ints
+    storey: Ints
     descr: Ints
     child: Ints
     copy: Ints
@@ -135,6 +148,35 @@ class Written(NamedTuple):
         """Different values of a column of codes."""
         return set(self.values_of(np.unique(column)))
 
+    def only(self, kept: NDArray[np.bool_]) -> Written:
+        """Return some of the elements, with all that they are in; `kept` is their mask, (n,)."""
+        place = np.cumsum(kept) - 1
+        parent = self.parent[kept]
+        starts = np.concatenate([[0], place + 1])[self.levels]
+        return Written(
+            Rows._make(column[kept] for column in self.rows),
+            np.where(parent < 0, -1, place[parent]),
+            self.cells[kept],
+            np.unique(starts).tolist(),
+            self.names,
+        )
+
+    def storeys(self) -> dict[int, Storey]:
+        """Decks and bores by their index, with the heights that they have there."""
+        own = np.flatnonzero(self.rows.storey)
+        factors = self.rows.factor[own].tolist()
+        texts = self.values_of(self.rows.storey[own])
+        return {
+            index: text.times(factor)
+            for index, text, factor in zip(own.tolist(), texts, factors, strict=True)
+        }
+
+    @property
+    def shapes(self) -> set[Any]:
+        """Names of the primitives of elements, and of the other faces of storeys."""
+        faces = {one.face for one in self.different(self.rows.storey) if one is not UNSET}
+        return self.different(self.rows.type) | faces - {UNSET}
+
     @property
     def worn(self) -> set[Any]:
         """Names of the surfaces of elements, their own and those of classes; `UNSET` for none."""
@@ -161,6 +203,8 @@ class Written(NamedTuple):
         placed[0] = False  # the root
         _put(columns["cell_x"], placed, rows.cell[placed, 0].tolist())
         _put(columns["cell_y"], placed, rows.cell[placed, 1].tolist())
+        for index, storey in self.storeys().items():
+            columns["deck" if isinstance(storey, Deck) else "bore"][index] = storey
         wide = placed & (rows.span != 1).any(axis=1)
         _put(columns["span"], wide, map(tuple, rows.span[wide].tolist()))
         _put(columns["at"], rows.free, map(tuple, rows.at[rows.free].tolist()))
@@ -184,9 +228,21 @@ def _put(values: list[Any], where: NDArray[np.bool_], found: Any) -> None:
         values[index] = value
 
 
-def write_out(uses: Uses, definition: Definition) -> Written:
-    """Write out the parts and copies of a valid definition."""
-    return _Writer(uses, definition).write()
+def write_out(uses: Uses, definition: Definition, share: Share = "all") -> Written:
+    """Write out the parts and copies of a valid definition.
+
+    Args:
+        uses: file of the definition, and the parts that it uses.
+        definition: the terrain, with the names of its libraries.
+        share: elements that are written: all; the ground, without storeys and what is in them; or
+            the storeys with what is in them, and the elements in whose cells they are, and perhaps
+            some more of the ground.
+
+    Raises:
+        RequestError: the storeys come to more than `MAX_ELEMENTS`; for other shares the elements
+            are to be counted before.
+    """
+    return _Writer(uses, definition, share).write()
 
 
 class _Text:
@@ -260,6 +316,10 @@ class _Text:
         self.type = names.numbers(values("type"))
         self.surface = names.numbers(values("surface"))
         self.surface_grid = names.numbers(values("surface_grid"))
+        decks, bores = values("deck"), values("bore")
+        self.storey = names.numbers(
+            [bore if deck is UNSET else deck for deck, bore in zip(decks, bores, strict=True)]
+        )
         self.descr = names.numbers(values("descr"))
 
     def exact_rests(self, elements: Ints) -> Floats:
@@ -273,6 +333,10 @@ class _Text:
         """Index of an element among all texts."""
         return self._first[id(root.tree)] + root.element
 
+    def has(self, root: Root) -> bool:
+        """Whether an element is in one of the texts."""
+        return id(root.tree) in self._first
+
     def root(self, index: int) -> Root:
         """Element at an index among all texts."""
         home = int(np.searchsorted(self._starts, index, "right")) - 1
@@ -283,11 +347,13 @@ class _Text:
 class _Writer:
     """Writer of elements, level by level."""
 
-    def __init__(self, uses: Uses, definition: Definition) -> None:
+    def __init__(self, uses: Uses, definition: Definition, share: Share) -> None:
         self._uses, self._size = uses, definition.extent
         self._chains = Chains(uses)
         self._names = ValueCodes(UNSET, "")
         self._text = _Text(uses, self._names)
+        self._left_out = self._elements_outside(share)
+        self._limited, self._elements = share == "storeys", 0
         turned = [
             value[::-1] if isinstance(value, tuple) else value for value in self._names.values
         ]
@@ -312,6 +378,37 @@ class _Writer:
         cells = np.where(rows.quarters % 2 == 1, self._turned_cells[codes], codes)
         return Written(rows, np.concatenate(parents), cells, levels, self._names)
 
+    def _elements_outside(self, share: Share) -> NDArray[np.bool_] | None:
+        """Mask of the elements of all texts that a share has not; None for none."""
+        text = self._text
+        if share == "all":
+            return None
+        ends = np.arange(len(text.storey))
+        for index in np.flatnonzero(text.composed).tolist():
+            end = self._chains.of(text.root(index)).root
+            if text.has(end):  # a part that is not in use may lead to a file that is not
+                ends[index] = text.index(end)
+        storeys = text.storey[ends] > 0
+        if share == "ground":
+            return storeys
+        parents = np.full(len(ends), -1)
+        for index in np.flatnonzero(text.count).tolist():
+            parents[text.begin[index] : text.begin[index] + text.count[index]] = index
+        wanted = storeys.copy()
+        found = np.flatnonzero(storeys)
+        while len(found):  # what is in them
+            inner = np.unique(ends[found])
+            inner = np.repeat(text.begin[inner], text.count[inner]) + _places(text.count[inner])
+            found = inner[~wanted[inner]]
+            wanted[found] = True
+        found = np.flatnonzero(storeys)
+        while len(found):  # and what they are in
+            around = np.union1d(parents[found], np.flatnonzero(np.isin(ends, found)))
+            found = around[around >= 0]
+            found = found[~wanted[found]]
+            wanted[found] = True
+        return ~wanted
+
     def _first(self) -> Rows:
         """Row of the root."""
         whole = sides(self._size)
@@ -328,6 +425,9 @@ class _Writer:
         parent = np.repeat(np.arange(len(counts)), counts)
         child = _places(counts)
         element = text.begin[level.element][parent] + child
+        if self._left_out is not None:
+            kept = ~self._left_out[element]
+            parent, child, element = parent[kept], child[kept], element[kept]
         if not len(parent):
             return parent, level
         quarters, grid = level.quarters, text.cells[level.element]
@@ -341,6 +441,13 @@ class _Writer:
         strewn = self._strew(frame, parent, element, np.flatnonzero(text.scattered[element]))
         for index, copies in strewn.items():
             times[index] = len(copies.number)
+        self._elements += int(times.sum())
+        if self._limited and self._elements > MAX_ELEMENTS:
+            raise RequestError(
+                f"{self._uses.document.source.name}: decks and bores, with what is in them, come "
+                f"to more than {MAX_ELEMENTS:,} elements, and so many are not looked at.",
+                "Lower the counts of their copies, or put less on them.",
+            )
         row = np.repeat(np.arange(len(parent)), times)
         copy = _places(times)
         placed = self._place_rows(frame, parent[row], element[row], copy)
@@ -466,6 +573,7 @@ class _Writer:
             element=ends.element, quarters=quarters, factor=inner, scale=scale,
             offset=factor * ends.offset, turn=turn, type=self._text.type[ends.element],
             surface=ends.surface, surface_grid=self._text.surface_grid[ends.element],
+            storey=self._text.storey[ends.element],
             descr=ends.descr, chain=ends.name,
         )  # fmt: skip
 
@@ -602,8 +710,8 @@ def _blank(count: int) -> Rows:
         at=np.full((count, 2), math.nan), extent=np.full((count, 2), math.nan),
         rests=np.zeros((count, 4)), typed=flags(), is_pair=flags(),
         around=np.zeros((count, 2, 2)), scale=np.zeros(count), offset=np.zeros(count),
-        turn=np.zeros(count), type=whole(), surface=whole(), surface_grid=whole(), descr=whole(),
-        child=whole(), copy=np.full((count, 2), -1), chain=whole(),
+        turn=np.zeros(count), type=whole(), surface=whole(), surface_grid=whole(),
+        storey=whole(), descr=whole(), child=whole(), copy=np.full((count, 2), -1), chain=whole(),
     )  # fmt: skip
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, fields
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +17,7 @@ from terratool.field.types import real_numbers
 from terratool.kernels import field as kernels
 
 if TYPE_CHECKING:
+    from terratool.field.terrain import Terrain
     from terratool.field.types import TerrainField
 
 _SHARE = 1 << 14
@@ -30,8 +33,8 @@ class RayHits:
         point: (…, 3) float64, world position of the hit; NaN without one.
         normal: (…, 3) float64, unit normal on the side that the ray comes from; NaN without a hit.
         surface: int32, index into `Terrain.surfaces`; -1 for none.
-        element: int64, index as in `PointSamples`; at a wall, of its higher side; OUTSIDE without a
-            hit.
+        element: int64, index as in `PointSamples`; at a wall, of its higher side, or of the top of
+            what is solid there; on an underside or a ceiling, of the storey; OUTSIDE without a hit.
         wall: bool, whether the hit is on a wall.
     """
 
@@ -41,6 +44,14 @@ class RayHits:
     surface: NDArray[np.int32]
     element: NDArray[np.int64]
     wall: NDArray[np.bool_]
+
+
+class _Rays(NamedTuple):
+    """Rays as the kernels take them: origins and directions (n, 3), and largest distances (n,)."""
+
+    origins: NDArray[np.float64]
+    directions: NDArray[np.float64]
+    most: NDArray[np.float64]
 
 
 def ray_index(terrain: TerrainField) -> kernels.RayIndex:
@@ -54,6 +65,33 @@ def ray_index(terrain: TerrainField) -> kernels.RayIndex:
     """
     terrain.arrays.curves.mapped.refuse_blocks("Rays")
     return kernels.RayIndex(terrain.field, terrain.cells())
+
+
+def storey_ray_index(terrain: Terrain) -> kernels.StoreyRayIndex:
+    """Build the ray index of a terrain with storeys: that of its ground, and two of each sheet.
+
+    Raises:
+        RequestError: a raster of the terrain is too large, or its parts come to too many elements.
+    """
+    ground, storeys = terrain.written_out, terrain.storeys
+    assert storeys is not None
+    sheets = [
+        (_lying_on(one.top, ground).ray_index, one.other_face(storeys.table.gaps).ray_index)
+        for one in storeys.sheets
+    ]
+    return kernels.StoreyRayIndex(storeys.field, ground.ray_index, sheets)
+
+
+def _lying_on(top: Terrain, ground: Terrain) -> Terrain:
+    """Tops of a sheet with the tracks and the reliefs of a ground."""
+    tracks, reliefs = ground.arrays.tracks, ground.arrays.reliefs
+    beyond = len(top.surfaces) + 1 - tracks.depths.shape[1]  # surfaces that sheets alone have
+    depths = np.append(tracks.depths, np.repeat(tracks.depths[:, :1], beyond, axis=1), axis=1)
+    if len(reliefs):
+        reliefs = np.append(reliefs, np.repeat(reliefs[:1], beyond))
+    return top.with_arrays(
+        top.arrays._replace(tracks=tracks._replace(depths=depths), reliefs=reliefs)
+    )
 
 
 def document_order(parents: NDArray[np.int32], document: NDArray[np.uint32]) -> NDArray[np.int64]:
@@ -93,7 +131,8 @@ def cast(
 
     The ground is that of `Terrain.height` at each point. A wall stands where the height jumps
     across the ray. Rays pass through the void and outside of the terrain, whose rim has no wall. A
-    ray that begins on the ground hits it there.
+    ray that begins on the ground hits it there. Where there are storeys, a ray hits the first end
+    of an interval of `Terrain.column`, from whichever side it comes, or the wall beside one.
 
     Args:
         terrain: terrain that the rays hit.
@@ -134,22 +173,18 @@ def cast(
     )
     ranges = np.broadcast_to(most, shape).reshape(-1)
     written_out = terrain.written_out
-    index, count = written_out.ray_index, len(starts)
-    distance, element, surface = (
-        np.empty(count),
-        np.empty(count, np.int64),
-        np.empty(count, np.int32),
-    )
-    point, normal, wall = np.empty((count, 3)), np.empty((count, 3)), np.empty(count, bool)
-
-    contiguous = np.ascontiguousarray
+    look = _caster(terrain)
+    count = len(starts)
+    found = RayHits(
+        np.empty(count), np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.int32),
+        np.empty(count, np.int64), np.empty(count, bool),
+    )  # fmt: skip
+    members = [getattr(found, one.name) for one in fields(found)]
 
     def share(begin: int) -> None:
         part = slice(begin, begin + _SHARE)
-        wrong = kernels.cast(
-            index, contiguous(starts[part]), contiguous(ways[part]), contiguous(ranges[part]),
-            distance[part], point[part], normal[part], element[part], surface[part], wall[part],
-        )  # fmt: skip
+        rays = _Rays._make(np.ascontiguousarray(one[part]) for one in (starts, ways, ranges))
+        wrong = look(rays, RayHits(*(one[part] for one in members)))
         if wrong >= 0:
             _refuse(starts[begin + wrong], ways[begin + wrong])
 
@@ -162,15 +197,15 @@ def cast(
         for begin in begins:
             share(begin)
     if written_out is not terrain:
-        element = terrain.numbers_of(element)
-    return RayHits(
-        distance.reshape(shape),
-        point.reshape(*shape, 3),
-        normal.reshape(*shape, 3),
-        surface.reshape(shape),
-        element.reshape(shape),
-        wall.reshape(shape),
-    )
+        found.element[:] = terrain.numbers_of(found.element)
+    return RayHits(*(one.reshape((*shape, *one.shape[1:])) for one in members))
+
+
+def _caster(terrain: TerrainField) -> Callable[[_Rays, RayHits], int]:
+    """Function that puts what rays meet into hits, and returns the first that is no ray, or -1."""
+    if terrain.storeys is None:
+        return partial(kernels.cast, terrain.written_out.ray_index)
+    return partial(kernels.cast_storeys, terrain.storey_ray_index)
 
 
 def _refuse(origin: NDArray[np.float64], direction: NDArray[np.float64]) -> None:

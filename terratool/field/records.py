@@ -183,6 +183,8 @@ SEGMENT = np.dtype(
         ("square", np.float64),  # length squared
         ("reach", np.float64),  # half the width of its track
         ("reach_square", np.float64),  # reach squared
+        ("z", np.float64),  # heights of the path at start and end; NaN for a path without
+        ("end_z", np.float64),
         ("track", np.uint32),
     ],
     align=True,

@@ -13,8 +13,8 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from terratool.definition.exact import rests_of, side
-from terratool.definition.expand import MAX_ELEMENTS
 from terratool.definition.sharing import Blueprint, BlueprintNode, smallest_cell
+from terratool.definition.uses import MAX_ELEMENTS
 from terratool.errors import RequestError
 from terratool.field.classes import class_column
 from terratool.field.compile import Compiled

@@ -54,6 +54,18 @@ class TrackSummary(Struct, frozen=True):
     length: Annotated[float, Meta(ge=0)]
 
 
+class StoreySummary(Struct, frozen=True):
+    """Numbers of decks and bores.
+
+    Attributes:
+        decks: number of decks, those of parts and all copies counted.
+        bores: number of bores, those of parts and all copies counted.
+    """
+
+    decks: Count
+    bores: Count
+
+
 class HeightSummary(Struct, frozen=True):
     """Heights at points that were looked at: an even grid, and nine in the cell of each element.
 
@@ -144,6 +156,7 @@ class TerrainSummary(Document, frozen=True, kw_only=True):
         elements_by_surface: number of elements that wear each surface, their own, an inherited one
             or that of a class.
         smallest_cell: shortest side of an element's cell.
+        storeys: decks and bores.
         tracks: ruts of wheels.
         height: heights at points that were looked at: an even grid, nine in the cell of each
             element, and the numbers of grids of heights.
@@ -166,6 +179,7 @@ class TerrainSummary(Document, frozen=True, kw_only=True):
     elements_by_primitive: Mapping[str, Count]
     elements_by_surface: Mapping[str, Count]
     smallest_cell: Positive
+    storeys: StoreySummary
     tracks: TrackSummary
     height: HeightSummary
     roughness: list[RoughnessSummary]
@@ -186,7 +200,8 @@ def summarise(terrain: Terrain, imported: ImportedFrom | None = None) -> Terrain
         terrain: the terrain.
         imported: source that its text names.
     """
-    bounds, tracks = terrain.bounds, terrain.arrays.tracks
+    bounds, tracks, storeys = terrain.bounds, terrain.arrays.tracks, terrain.storeys
+    tops = [] if storeys is None else [sheet.top for sheet in storeys.sheets]
     return TerrainSummary(
         descr=terrain.descr,
         imported=imported,
@@ -194,11 +209,14 @@ def summarise(terrain: Terrain, imported: ImportedFrom | None = None) -> Terrain
         origin=bounds[:2],
         bounds=bounds,
         crs=terrain.crs,
-        levels=terrain.levels,
-        elements=terrain.elements,
+        levels=max(one.levels for one in (terrain, *tops)),
+        elements=terrain.all_elements,
         elements_by_primitive=terrain.count_by_primitive(),
         elements_by_surface=terrain.count_by_surface(),
-        smallest_cell=terrain.smallest_cell,
+        smallest_cell=min(one.smallest_cell for one in (terrain, *tops)),
+        storeys=StoreySummary(0, 0)
+        if storeys is None
+        else StoreySummary(storeys.decks, storeys.bores),
         tracks=TrackSummary(
             terrain.tracks, len(tracks.segments), float(track_lengths(tracks).sum())
         ),
@@ -212,7 +230,7 @@ def summarise(terrain: Terrain, imported: ImportedFrom | None = None) -> Terrain
         ],
         ranges=ranges_of(terrain.surface_types),
         libraries=tuple(terrain.libraries),
-        bytes=terrain.nbytes,
+        bytes=terrain.nbytes + (0 if storeys is None else storeys.nbytes),
     )
 
 
@@ -263,6 +281,8 @@ def _cells_in(terrain: Terrain, part: Bounds) -> tuple[NDArray[np.float64], int]
     There are no cells if the elements are too many.
     """
     cells = terrain.all_cells()
+    if cells is not None and terrain.storeys is not None:
+        cells = np.hstack([cells, *(sheet.top.cells() for sheet in terrain.storeys.sheets)])
     if cells is None:
         over_one_point = kernels.most_over_point(terrain.field)
         return np.empty((4, 0)), int(_WORK / (2 * max(1.0, over_one_point)))

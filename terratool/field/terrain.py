@@ -3,30 +3,39 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from copy import copy
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from msgspec import UNSET
 from numpy.typing import ArrayLike, NDArray
 
 from terratool.definition.crs import refuse_degrees
-from terratool.definition.expand import MAX_ELEMENTS, Expansion, expand
+from terratool.definition.expand import (
+    Expansion,
+    expand,
+    with_names,
+    with_names_in_use,
+)
 from terratool.definition.findings import Bounds
 from terratool.definition.model import Definition
 from terratool.definition.reader import Checked, load_checked, refusal, uses_of
 from terratool.definition.sharing import blueprint
-from terratool.definition.uses import Uses
-from terratool.errors import RequestError
+from terratool.definition.uses import MAX_ELEMENTS, Uses
+from terratool.definition.written import write_out
+from terratool.errors import RequestError, StoreysWarning, warn_outside
 from terratool.field.compile import Compiled, compile_definition
 from terratool.field.records import CurveArrays, FieldArrays, align_arrays
 from terratool.field.sharing import Tally, compile_shared, refuse_piled
-from terratool.field.types import PointSamples, points_of
+from terratool.field.storeys import FIRST_STOREY, ColumnGround, ColumnRows, Storeys
+from terratool.field.tracks import without_tracks
+from terratool.field.types import OUTSIDE, PointColumns, PointSamples, points_of
 from terratool.kernels import field as kernels
 from terratool.report.numbers import coordinates
+from terratool.report.wording import hidden_storeys
 
 if TYPE_CHECKING:
     import torch
@@ -35,6 +44,9 @@ if TYPE_CHECKING:
     from terratool.field.rays import RayHits
     from terratool.field.torch_field import TorchField
     from terratool.field.warp_field import WarpField
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 CHUNK = 1 << 21
 """Points of a batch that are sorted at a time."""
@@ -125,8 +137,14 @@ def batch_heights(
     return out
 
 
-_CACHED = ("field", "written_out", "ray_index", "_document_order")
-"""Attributes of a terrain that follow from the others."""
+def _derived(kind: type) -> set[str]:
+    """Names of attributes of a class that follow from the others, and are kept when known."""
+    return {
+        name
+        for base in kind.__mro__
+        for name, member in vars(base).items()
+        if isinstance(member, cached_property)
+    }
 
 
 class Terrain:
@@ -164,18 +182,33 @@ class Terrain:
         self._source: Definition | Checked | None = None
         self._roughness = roughness
         self._far: dict[int, int] = {}
+        storeys, worn, shapes = None, set[Any](), set[Any]()
+        if uses.has_storeys:
+            written = write_out(uses, with_names(uses), "storeys")
+            if written.storeys():  # copies may find no place
+                storeys, worn, shapes = written, written.worn, written.shapes
         if uses.is_composed and uses.elements > share_above:
             self._source = definition
-            plan = blueprint(uses)
+            plan = blueprint(uses, worn, shapes)
             if isinstance(definition, Checked):
                 plan = plan._replace(definition=definition.with_tracks(plan.definition))
             definition = plan.definition
             self._compiled, self._tally = compile_shared(plan, roughness=roughness)
             refuse_piled(self.field, uses.document.source.name)
+        elif storeys is not None:
+            elements = write_out(uses, with_names(uses), "ground")
+            names = worn | elements.worn, shapes | elements.shapes
+            named = with_names_in_use(with_names(uses), *names, uses)
+            definition = definition.with_tracks(named) if isinstance(definition, Checked) else named
+            self._compiled = compile_definition(definition, elements, roughness=roughness)
         else:
             expansion = _written_out(definition, uses)
             definition = expansion.definition
             self._compiled = compile_definition(definition, expansion.elements, roughness=roughness)
+        self.storeys: Storeys | None = None
+        """Decks and bores; None where there are none."""
+        self.hidden: tuple[str, ...] = ()
+        """Sentence on the storeys that the terrain does not show; none for a whole terrain."""
         self.descr = "" if definition.descr is UNSET else definition.descr
         self.crs: str | int | dict[str, object] | None = (
             None if definition.crs is UNSET else definition.crs
@@ -189,6 +222,47 @@ class Terrain:
         """Surfaces by name."""
         self.libraries = tuple(one.source.name for one in uses.document.all_libraries)
         """Files of the libraries that the terrain uses, directly or through others, in order."""
+        if storeys is not None:
+            self.storeys = Storeys(storeys, definition, self._plain)
+
+    def _plain(self, compiled: Compiled, definition: Definition) -> Terrain:
+        """Terrain of other elements in place of these, without parts that are shared."""
+        other = Terrain.__new__(Terrain)
+        vars(other).update(self._own)
+        other._compiled, other._tally, other._source, other.storeys = compiled, None, None, None
+        other.primitives = tuple(definition.primitives)
+        other.surface_types = dict(definition.surfaces)
+        return other
+
+    @property
+    def compiled(self) -> Compiled:
+        """The compiled ground."""
+        return self._compiled
+
+    @cached_property
+    def ground_alone(self) -> Self:
+        """The terrain without its storeys, and what is in them."""
+        if self.storeys is None:
+            return self
+        other = copy(self)
+        other.storeys = None
+        other.hidden = (hidden_storeys(self.storeys.decks, self.storeys.bores),)
+        vars(other)["field"] = self.field
+        return other
+
+    def ground_only(self) -> Self:
+        """`ground_alone`, for what knows no storeys yet; a warning says what it leaves out."""
+        for sentence in self.ground_alone.hidden if self.storeys is not None else ():
+            warn_outside(sentence, StoreysWarning)
+        return self.ground_alone
+
+    @cached_property
+    def bare(self) -> Terrain:
+        """The ground without ruts and reliefs."""
+        if not self.tracks and not self.is_rough:
+            return self.ground_alone
+        arrays = without_tracks(self.arrays)
+        return self.ground_alone.with_arrays(arrays._replace(reliefs=arrays.reliefs[:0]))
 
     @property
     def arrays(self) -> FieldArrays:
@@ -200,19 +274,27 @@ class Terrain:
         """Flat arrays of the field, checked and kept by the kernels."""
         return kernels.Field(self.arrays)
 
+    @property
+    def _own(self) -> dict[str, Any]:
+        """Attributes but those that follow from others."""
+        derived = _derived(type(self))
+        return {name: value for name, value in vars(self).items() if name not in derived}
+
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name not in _CACHED}
+        return self._own
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state, _compiled=align_arrays(state["_compiled"]))
 
-    def with_curves(self, curves: CurveArrays) -> Terrain:
-        """Return this terrain with other curves, which its parts have if they are written out."""
+    def with_arrays(self, arrays: FieldArrays) -> Self:
+        """Return this terrain with other arrays of the field."""
         other = copy(self)
-        for name in _CACHED:
-            vars(other).pop(name, None)
-        other._compiled = self._compiled._replace(arrays=self.arrays._replace(curves=curves))
+        other._compiled = self._compiled._replace(arrays=arrays)
         return other
+
+    def with_curves(self, curves: CurveArrays) -> Self:
+        """Return this terrain with other curves, which its parts have if they are written out."""
+        return self.with_arrays(self.arrays._replace(curves=curves))
 
     @property
     def bounds(self) -> Bounds:
@@ -256,8 +338,13 @@ class Terrain:
 
     @property
     def elements(self) -> int:
-        """Number of elements, with parts and copies written out."""
+        """Number of elements of the ground, with parts and copies written out."""
         return len(self.arrays.elements) if self._tally is None else self._tally.elements
+
+    @property
+    def all_elements(self) -> int:
+        """Number of elements, those of storeys included, with parts and copies written out."""
+        return self.elements + (0 if self.storeys is None else self.storeys.elements)
 
     @property
     def is_shared(self) -> bool:
@@ -273,7 +360,8 @@ class Terrain:
         """
         if self._source is None:
             return self
-        return Terrain(self._source, roughness=self._roughness, share_above=math.inf)
+        whole = Terrain(self._source, roughness=self._roughness, share_above=math.inf)
+        return whole.ground_alone if self.hidden else whole
 
     @property
     def written_out_or_none(self) -> Terrain | None:
@@ -289,10 +377,71 @@ class Terrain:
         c = self._compiled
         return c.arrays.nbytes + c.document.nbytes + c.parents.nbytes
 
-    def height(self, x: ArrayLike, y: ArrayLike) -> Any:
-        """Heights at points: a float for numbers, else a float64 array; NaN without ground."""
+    def height(self, x: ArrayLike, y: ArrayLike, below: ArrayLike | None = None) -> Any:
+        """Heights at points: a float for numbers, else a float64 array; NaN without ground.
+
+        Args:
+            x: world positions.
+            y: world positions.
+            below: heights; the highest top that is not above them is wanted, rather than the
+                highest of all.
+        """
+        x, y, below, shape = _points_below(x, y, below)
+        heights = batch_heights(self.arrays, self.field, x, y)
+        if self.storeys is not None and not self.tracks and not self.is_rough:
+            kernels.top_heights(self.storeys.field, x, y, below, heights)
+            return heights.reshape(shape)[()]
+        if below is not None:
+            heights[~(heights <= below)] = np.nan
+        if self.storeys is not None and (near := self.storeys.near(x, y)).any():
+            rows = self._columns(x[near], y[near])
+            some, place = rows.last if below is None else rows.below(below[near])
+            found = np.full(len(some), np.nan)
+            found[some] = rows.top[place]
+            heights[near] = found
+        return heights.reshape(shape)[()]
+
+    def ground(self, x: ArrayLike, y: ArrayLike) -> Any:
+        """Heights of the ground below all storeys, and of floors cut through it; else as `height`.
+
+        It is NaN where nothing is solid from below: over a void.
+        """
         x, y, shape = _points(x, y)
-        return batch_heights(self.arrays, self.field, x, y).reshape(shape)[()]
+        heights = batch_heights(self.arrays, self.field, x, y)
+        if self.storeys is not None and (near := self.storeys.near(x, y)).any():
+            rows = self._columns(x[near], y[near])
+            heights[near] = np.where(np.isneginf(rows.bottom[:, 0]), rows.top[:, 0], np.nan)
+        return heights.reshape(shape)[()]
+
+    def column(self, x: ArrayLike, y: ArrayLike) -> PointColumns:
+        """All that is solid at points, as intervals of heights from below."""
+        x, y, shape = _points(x, y)
+        rows = self._columns(x, y)
+        clear = np.full_like(rows.top, np.nan)
+        clear[:, :-1] = rows.bottom[:, 1:] - rows.top[:, :-1]
+        _, place = rows.last
+        clear[place] = np.inf
+        normal = _normals(rows.slope_x, rows.slope_y)
+
+        def shaped(values: NDArray[Any]) -> NDArray[Any]:
+            return values.reshape(*shape, *values.shape[1:])
+
+        return PointColumns(
+            shaped(rows.bottom),
+            shaped(rows.top),
+            shaped(clear),
+            shaped(rows.surface),
+            shaped(rows.element),
+            shaped(rows.under),
+            shaped(normal),
+        )
+
+    def _columns(self, x: Floats, y: Floats) -> ColumnRows:
+        """Columns at points, (n,) each."""
+        if self.storeys is None:
+            return ColumnRows.of_ground(ColumnGround(*self._samples(x, y)))
+        ground = ColumnGround(*self.bare._samples(x, y))
+        return self.storeys.columns(self, x, y, ground)
 
     def surface(self, x: ArrayLike, y: ArrayLike) -> Any:
         """Names of the surfaces at points, a str or an object array; None without a surface."""
@@ -319,15 +468,47 @@ class Terrain:
         """
         from terratool.field.addresses import addresses
 
-        return addresses(self, x, y)
+        return addresses(self.ground_only(), x, y)
 
-    def normal(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    def normal(self, x: ArrayLike, y: ArrayLike, below: ArrayLike | None = None) -> Floats:
         """Upward unit normals at points, (…, 3) float64; on an edge, of its east and north side."""
-        return self.sample(x, y).normal
+        return self.sample(x, y, below).normal
 
-    def sample(self, x: ArrayLike, y: ArrayLike) -> PointSamples:
-        """Height, element, surface and normal at points in one pass."""
-        x, y, shape = _points(x, y)
+    def sample(self, x: ArrayLike, y: ArrayLike, below: ArrayLike | None = None) -> PointSamples:
+        """Height, element, surface and normal at points in one pass.
+
+        Args:
+            x: world positions.
+            y: world positions.
+            below: heights; the highest top that is not above them is wanted, rather than the
+                highest of all.
+        """
+        x, y, below, shape = _points_below(x, y, below)
+        height, element, surface, gradient = self._samples(x, y)
+        if below is not None:
+            above = ~(height <= below)
+            height[above], gradient[above] = np.nan, np.nan
+            element[above & (element != OUTSIDE)], surface[above] = -1, -1
+        if self.storeys is not None and (near := self.storeys.near(x, y)).any():
+            rows = self._columns(x[near], y[near])
+            some, place = rows.last if below is None else rows.below(below[near])
+            at = np.flatnonzero(near)
+            height[at], gradient[at] = np.nan, np.nan
+            void = ~some & (element[at] != OUTSIDE)
+            element[at[void]] = np.where(below is None, element[at[void]], -1)
+            at = at[some]
+            height[at], element[at] = rows.top[place], rows.element[place]
+            surface[at] = rows.surface[place]
+            gradient[at] = np.column_stack([rows.slope_x[place], rows.slope_y[place]])
+        return PointSamples(
+            height.reshape(shape),
+            element.reshape(shape),
+            surface.reshape(shape),
+            _normals(gradient[:, 0], gradient[:, 1]).reshape(*shape, 3),
+        )
+
+    def _samples(self, x: Floats, y: Floats) -> tuple[Floats, Ints, NDArray[np.int32], Floats]:
+        """Height, element, surface and gradient of the ground at points, (n,) and (n, 2)."""
         height = np.empty(len(x))
         element, surface = np.empty(len(x), np.int64), np.empty(len(x), np.int32)
         gradient = np.empty((len(x), 2))
@@ -337,17 +518,7 @@ class Terrain:
             number = np.empty((len(x), 2), np.uint64)
             kernels.shared_samples(self.field, x, y, height, element, surface, number, gradient)
             element = self._numbered(element, number)
-        slope_x, slope_y = gradient.T
-        length = np.sqrt(slope_x * slope_x + slope_y * slope_y + 1.0)
-        normal = np.empty((len(x), 3))
-        for axis, part in enumerate((0.0 - slope_x, 0.0 - slope_y, 1.0)):
-            normal[:, axis] = part / length
-        return PointSamples(
-            height.reshape(shape),
-            element.reshape(shape),
-            surface.reshape(shape),
-            normal.reshape(*shape, 3),
-        )
+        return height, element, surface, gradient
 
     @cached_property
     def ray_index(self) -> kernels.RayIndex:
@@ -355,6 +526,13 @@ class Terrain:
         from terratool.field.rays import ray_index
 
         return ray_index(self)
+
+    @cached_property
+    def storey_ray_index(self) -> kernels.StoreyRayIndex:
+        """Index for rays, of a terrain that has storeys."""
+        from terratool.field.rays import storey_ray_index
+
+        return storey_ray_index(self)
 
     @cached_property
     def _document_order(self) -> NDArray[np.int64]:
@@ -367,9 +545,19 @@ class Terrain:
     def numbers_of(self, elements: NDArray[np.int64]) -> NDArray[np.int64]:
         """Numbers in this terrain of elements and tracks of `written_out`, if parts are shared."""
         count = len(self._document_order)
-        tracks = elements - count + self._first_track
+        tracks = elements - count + self.first_track
         own = self._document_order[np.clip(elements, 0, count - 1)]
-        return np.where(elements < 0, elements, np.where(elements < count, own, tracks))
+        same = (elements < 0) | (elements >= FIRST_STOREY)
+        return np.where(same, elements, np.where(elements < count, own, tracks))
+
+    def short_numbers(self, elements: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Numbers that fit files, which `pointer` takes, too: storeys' follow those of tracks."""
+        is_storey = elements >= FIRST_STOREY
+        return np.where(is_storey, elements - FIRST_STOREY + self._first_short, elements)
+
+    @property
+    def _first_short(self) -> int:
+        return self.first_track + self.tracks
 
     def cast(
         self,
@@ -414,7 +602,9 @@ class Terrain:
         """
         from terratool.field.torch_field import TorchField
 
-        return TorchField(self, device, origin=origin, default_friction=default_friction)
+        return TorchField(
+            self.ground_only(), device, origin=origin, default_friction=default_friction
+        )
 
     def to_warp(
         self,
@@ -436,10 +626,12 @@ class Terrain:
         """
         from terratool.field.warp_field import WarpField
 
-        return WarpField(self, device, origin=origin, default_friction=default_friction)
+        return WarpField(
+            self.ground_only(), device, origin=origin, default_friction=default_friction
+        )
 
     @property
-    def _first_track(self) -> int:
+    def first_track(self) -> int:
         """Number of the first track, which follows those of the elements."""
         return min(self.elements, FARTHEST)
 
@@ -452,7 +644,7 @@ class Terrain:
         """
         count = len(self.arrays.elements)
         found = np.where(element < 0, element, number[:, 0].astype(np.int64))
-        found = np.where(element >= count, element - count + self._first_track, found)
+        found = np.where(element >= count, element - count + self.first_track, found)
         far = (element >= 0) & (element < count)
         far &= (number[:, 1] > 0) | (number[:, 0] >= FARTHEST)
         for point in np.flatnonzero(far).tolist():
@@ -463,12 +655,12 @@ class Terrain:
 
     def _number(self, element: int) -> int:
         """Number of an element of a shared field among all elements."""
-        if element < self._first_track:
+        if element < self.first_track:
             return element
         return list(self._far)[element - FARTHEST - self.tracks]
 
     def _is_track(self, element: int) -> bool:
-        return self._first_track <= element < self._first_track + self.tracks
+        return self.first_track <= element < self.first_track + self.tracks
 
     def primitive_of(self) -> NDArray[np.int64]:
         """Index into `primitives` of each element, (n,) int64."""
@@ -477,25 +669,37 @@ class Terrain:
 
     @property
     def _by_kind(self) -> list[int]:
+        """Number of elements of the ground of each kind."""
         if self._tally is not None:
             return list(self._tally.by_kind)
         arrays = self.arrays
         counts = np.bincount(arrays.elements["kind"], minlength=len(arrays.kinds))
         return list(map(int, counts))
 
+    def _kinds(self) -> Iterator[tuple[Terrain, int, int]]:
+        """Yield kinds of elements, by a terrain and their number in it, with how many there are."""
+        for kind, count in enumerate(self._by_kind):
+            yield self, kind, count
+        for sheet in () if self.storeys is None else self.storeys.sheets:
+            kinds = sheet.top.arrays.elements["kind"][sheet.storeys >= 0]
+            for kind, count in enumerate(np.bincount(kinds).tolist()):
+                if count:
+                    yield sheet.top, kind, count
+
     def count_by_primitive(self) -> dict[str, int]:
-        """Number of elements of each primitive, unused primitives included."""
+        """Number of elements of each primitive, unused primitives and storeys included."""
         counts = dict.fromkeys(self.primitives, 0)
-        for primitive, count in zip(self._compiled.primitives.tolist(), self._by_kind, strict=True):
-            counts[self.primitives[primitive]] += count
+        for terrain, kind, count in self._kinds():
+            counts[terrain.primitives[terrain._compiled.primitives[kind]]] += count
         return counts
 
     def count_by_surface(self) -> dict[str, int]:
         """Number of elements with each surface: their own, inherited, or by classes of a raster."""
         counts = dict.fromkeys(self.surfaces, 0)
-        for kind, count in zip(self.arrays.kinds, self._by_kind, strict=True):
-            for surface in self.arrays.worn_by(kind):
-                counts[self.surfaces[surface]] += count
+        for terrain, kind, count in self._kinds():
+            for surface in terrain.arrays.worn_by(terrain.arrays.kinds[kind]):
+                if (name := terrain.surfaces[surface]) in counts:  # no surface has one in a sheet
+                    counts[name] += count
         return counts
 
     def cells(self) -> NDArray[np.float64]:
@@ -561,8 +765,14 @@ class Terrain:
         """
         if element < 0:
             return None
+        if self.storeys is not None:
+            short = element - self._first_short
+            if 0 <= short < len(self.storeys.written) and self.first_track < FARTHEST:
+                element = FIRST_STOREY + short
+            if element >= FIRST_STOREY:
+                return self.storeys.pointer(element)
         if self._is_track(element):
-            return f"/tracks/{element - self._first_track}"
+            return f"/tracks/{element - self.first_track}"
         if self._tally is not None:
             return self._tally.name(self._number(element))
         steps = []
@@ -612,3 +822,28 @@ def _points(
     x, y = points_of(x, y)
     first, second = (np.ascontiguousarray(one).ravel() for one in (x, y))
     return first, second, x.shape
+
+
+def _points_below(
+    x: ArrayLike, y: ArrayLike, below: ArrayLike | None
+) -> tuple[Floats, Floats, Floats | None, tuple[int, ...]]:
+    """Points in a row with the heights below which a top is wanted, and the shape of all."""
+    if below is None:
+        x, y, shape = _points(x, y)
+        return x, y, None, shape
+    x, y = points_of(x, y)
+    x, below = points_of(x, below)
+    y, below = points_of(y, below)
+    first, second, third = (
+        np.ascontiguousarray(np.broadcast_to(one, below.shape)).ravel() for one in (x, y, below)
+    )
+    return first, second, third, below.shape
+
+
+def _normals(slope_x: Floats, slope_y: Floats) -> Floats:
+    """Upward unit normals by the slopes along x and y, (…, 3)."""
+    length = np.sqrt(slope_x * slope_x + slope_y * slope_y + 1.0)
+    normal = np.empty((*slope_x.shape, 3))
+    for axis, part in enumerate((0.0 - slope_x, 0.0 - slope_y, 1.0)):
+        normal[..., axis] = part / length
+    return normal

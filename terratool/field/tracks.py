@@ -43,17 +43,35 @@ def compile_tracks(definition: Definition, bounds: Floats) -> TrackArrays:
 def without_tracks(arrays: FieldArrays) -> FieldArrays:
     """Return the arrays of a field without its tracks."""
     tracks = arrays.tracks
-    none = TrackArrays(
-        segments=tracks.segments[:0],
-        first=tracks.first[:1],
-        passes=tracks.passes[:0],
-        power=tracks.power[:0],
-        surface=tracks.surface[:0],
-        law=tracks.law[:0],
-        depths=tracks.depths[:0],
-        **_track_index(tracks.segments[:0], arrays.bounds)._asdict(),
-    )
+    none = only_segments(tracks, tracks.segments[:0], arrays.bounds)
     return arrays._replace(tracks=none)
+
+
+def only_segments(tracks: TrackArrays, segments: NDArray[Any], bounds: Floats) -> TrackArrays:
+    """Return the tracks with some segments in place of all.
+
+    Args:
+        tracks: the tracks.
+        segments: SEGMENT in the order of their tracks, which end where one is missing.
+        bounds: (4,) west, south, east, north of the terrain.
+    """
+    goes_on = segments["track"][1:] == segments["track"][:-1]
+    for axis in "xy":
+        goes_on &= segments[axis][1:] == segments[f"end_{axis}"][:-1]
+    first = np.flatnonzero(np.append(True, ~goes_on)[: len(segments)])
+    kept = segments["track"][first]
+    segments = segments.copy()
+    segments["track"] = np.repeat(np.arange(len(first)), np.diff(np.append(first, len(segments))))
+    return TrackArrays(
+        segments=segments,
+        first=np.append(first, len(segments)).astype(np.uint32),
+        passes=tracks.passes[kept],
+        power=tracks.power[kept],
+        surface=tracks.surface[kept],
+        law=tracks.law[kept],
+        depths=tracks.depths,
+        **_track_index(segments, bounds)._asdict(),
+    )
 
 
 def track_lengths(tracks: TrackArrays) -> Floats:
@@ -82,6 +100,8 @@ def _segments(tracks: tuple[Track, ...]) -> tuple[NDArray[Any], NDArray[np.uint3
     start = np.flatnonzero(begins)
     segments["x"], segments["y"] = points[start].T
     segments["end_x"], segments["end_y"] = points[start + 1].T
+    z = np.array([z for track in tracks for z in track.heights], np.float64)
+    segments["z"], segments["end_z"] = z[start], z[start + 1]
     segments["dx"] = segments["end_x"] - segments["x"]
     segments["dy"] = segments["end_y"] - segments["y"]
     segments["square"] = segments["dx"] * segments["dx"] + segments["dy"] * segments["dy"]

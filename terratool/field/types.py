@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from terratool.definition.findings import Bounds
     from terratool.definition.model import Surface
     from terratool.field.records import FieldArrays
+    from terratool.field.storeys import Storeys
     from terratool.kernels import field as kernels
 
 OUTSIDE = -2
@@ -41,6 +42,33 @@ class PointSamples:
     normal: NDArray[np.float64]
 
 
+@dataclass(frozen=True, slots=True)
+class PointColumns:
+    """All that is solid at points, as intervals of heights from below, (…, n) each.
+
+    A point has the intervals that it has; what is left of its row is NaN, or -1. Intervals are
+    closed, and have no point in common.
+
+    Attributes:
+        bottom: float64, world units; -inf where the ground is solid all the way down.
+        top: float64, world units.
+        clear: float64, height from the top to the next bottom; inf above the highest top.
+        surface: int32, index into `Terrain.surfaces` of the top's surface; -1 for none.
+        element: int64, number of the element that decides the top, for `Terrain.pointer`; -1 where
+            no footprint lies.
+        under: int64, number of the element that decides the bottom; -1 where that is -inf.
+        normal: (…, n, 3) float64, upward unit normal of the top.
+    """
+
+    bottom: NDArray[np.float64]
+    top: NDArray[np.float64]
+    clear: NDArray[np.float64]
+    surface: NDArray[np.int32]
+    element: NDArray[np.int64]
+    under: NDArray[np.int64]
+    normal: NDArray[np.float64]
+
+
 class TerrainField(Protocol):
     """A compiled terrain, as rays, cell addresses and devices query it; `Terrain` implements it."""
 
@@ -57,6 +85,16 @@ class TerrainField(Protocol):
     @property
     def ray_index(self) -> kernels.RayIndex:
         """Index for rays, of the terrain with its parts written out."""
+        ...
+
+    @property
+    def storeys(self) -> Storeys | None:
+        """Decks and bores; None where there are none."""
+        ...
+
+    @property
+    def storey_ray_index(self) -> kernels.StoreyRayIndex:
+        """Index for rays, of a terrain that has storeys."""
         ...
 
     @property

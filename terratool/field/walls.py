@@ -16,10 +16,13 @@ class WallFinders:
 
     Args:
         terrain: terrain with all parts written out.
+        storeys: whether walls are those of the highest tops, rather than of the ground alone.
     """
 
-    def __init__(self, terrain: Terrain) -> None:
+    def __init__(self, terrain: Terrain, storeys: bool = False) -> None:
         self._terrain = terrain
+        above = terrain.storeys if storeys else None
+        self._storeys = None if above is None else above.field
         self._edges = nonzero_edges(terrain.arrays)
         self._idle: deque[kernels.WallFinder] = deque()
 
@@ -29,6 +32,6 @@ class WallFinders:
         try:
             finder = self._idle.pop()
         except IndexError:
-            finder = kernels.WallFinder(self._terrain.field, self._edges)
+            finder = kernels.WallFinder(self._terrain.field, self._edges, self._storeys)
         yield finder
         self._idle.append(finder)

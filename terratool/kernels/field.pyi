@@ -218,7 +218,12 @@ class Painter:
     """Paints windows of a field; each thread needs its own."""
 
     def __init__(
-        self, field: object, voids: object, slopes: bool, nonzero_edges: object | None
+        self,
+        field: object,
+        voids: object,
+        slopes: bool,
+        nonzero_edges: object | None,
+        storeys: object | None = None,
     ) -> None: ...
     @property
     def nbytes(self) -> int:
@@ -260,7 +265,9 @@ def footprint_holds(
 class WallFinder:
     """Looks for walls; each thread needs its own."""
 
-    def __init__(self, field: object, nonzero_edges: object) -> None: ...
+    def __init__(
+        self, field: object, nonzero_edges: object, storeys: object | None = None
+    ) -> None: ...
 
 def find_ruts(
     field: Field,
@@ -367,21 +374,55 @@ class RayIndex:
     @property
     def nodes(self) -> int: ...
 
-def cast(
-    index: RayIndex,
-    origins: NDArray[np.float64],
-    directions: NDArray[np.float64],
-    most: NDArray[np.float64],
-    distance: NDArray[np.float64],
-    point: NDArray[np.float64],
-    normal: NDArray[np.float64],
-    top: NDArray[np.int64],
-    surface: NDArray[np.int32],
-    wall: NDArray[np.bool_],
-) -> int:
-    """
-    What rays meet first; the first that is no ray, or -1.
+def cast(index: RayIndex, rays: Any, hits: Any) -> int:
+    """What rays meet first; the first that is no ray, or -1."""
 
-    Shapes: origins[n,3], directions[n,3], most[n], distance[n], point[n,3], normal[n,3], top[n],
-    surface[n], wall[n].
+class Storeys:
+    """Decks and bores of a field, in sheets."""
+
+    def __init__(self, sheets: object, table: object, lattice: object) -> None: ...
+
+def near_storeys(
+    storeys: Storeys, x: NDArray[np.float64], y: NDArray[np.float64], out: NDArray[np.bool_]
+) -> None:
     """
+    Whether storeys may be at points.
+
+    Shapes: x[n], y[n], out[n].
+    """
+
+def top_heights(
+    storeys: Storeys,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    below: NDArray[np.float64] | None,
+    height: NDArray[np.float64],
+) -> None:
+    """
+    Put the highest tops, or those not above some heights, in place of the bare ground.
+
+    Shapes: x[n], y[n], below[n], height[n].
+    """
+
+def columns(
+    storeys: Storeys,
+    field: Field,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    ground: Any,
+    first_track: int,
+    out: Any,
+) -> None:
+    """
+    Intervals of heights at points, from below.
+
+    Shapes: x[n], y[n].
+    """
+
+class StoreyRayIndex:
+    """Indices of storeys and ground, for rays."""
+
+    def __init__(self, storeys: object, ground: object, sheets: object) -> None: ...
+
+def cast_storeys(index: StoreyRayIndex, rays: Any, hits: Any) -> int:
+    """As `cast`, where there are storeys."""

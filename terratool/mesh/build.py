@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from msgspec import UNSET
@@ -68,6 +68,31 @@ def build(
         ValueError: the error is not positive, or the bounds hold nothing of the terrain.
         RequestError: the base does not lie below all ground that is meshed.
     """
+    fine = fine_mesh(terrain, max_error, bounds, least)
+    mesh, shell, moved = assemble(terrain, fine.plan, fine.parts, base)
+    return BuiltMesh(mesh, shell, fine.error + moved, fine.loss)
+
+
+class FineMesh(NamedTuple):
+    """Triangles of a terrain within an error, without walls.
+
+    Attributes:
+        plan: plan of the terrain.
+        loss: loss of the plan.
+        parts: triangles in the plane with their heights.
+        error: bound of the error of the heights, in units of the terrain.
+    """
+
+    plan: MeshPlan
+    loss: PlanLoss
+    parts: RegionMesh
+    error: float
+
+
+def fine_mesh(
+    terrain: Terrain, max_error: float, bounds: Bounds | None = None, least: float = 0.0
+) -> FineMesh:
+    """Mesh a terrain without walls; see `build` for arguments and errors."""
     finer = 1.0
     for _ in range(_PLANS):
         plan, loss = plan_of(terrain, max_error, bounds, least, finer)
@@ -77,7 +102,7 @@ def build(
         if most <= _POLYGON_SHARE * max_error:
             break
         finer *= 0.5 * _POLYGON_SHARE * max_error / most  # many discs overlap
-    return finish(terrain, plan, loss, coarse, base=base)
+    return FineMesh(plan, loss, *refine(plan, coarse, seams.NO_SEAMS.sides))
 
 
 def coarse_mesh(
@@ -189,14 +214,7 @@ def assemble(
         base = None
     if base is not None:
         lowest, highest = float(heights[ground].min()), float(heights[ground].max())
-        if base == "below":
-            base = base_below(lowest, highest, plan.pitch * float(plan.bounds.max()))
-        if not -np.inf < base < lowest - plan.rounding:
-            raise RequestError(
-                f"The base at {base:g} is not below the lowest ground of the mesh, which is at"
-                f" {lowest:g}.",
-                "Give a base that is lower.",
-            )
+        base = base_height(base, lowest, highest, plan)
         # edges where the ground ends, at the hull or at the void: triangle, and which of its edges
         ends = ground[:, None] & ((neighbours < 0) | ~ground[neighbours])
         outer = np.argwhere(ends).astype(np.int32, order="C")
@@ -220,23 +238,64 @@ def assemble(
         floor, more = kernels.separate_wedges(triangulation, corners, begins, faces, owners, below)
         sources = np.concatenate([sources, more])
     place = np.repeat(np.arange(len(points)), np.diff(begins))[sources]
-    mesh = Mesh(
+    mesh = mesh_of(
+        terrain,
+        plan,
         vertices=np.column_stack([points[place] * plan.pitch, levels[sources]]),
         faces=np.concatenate([faces, floor]),
         surfaces=np.append(surfaces, np.full(len(floor), -1, np.int32)),
         walls=np.repeat([False, True, False], [len(faces) - upright, upright, len(floor)]),
-        origin=np.append(plan.origin, 0.0),
-        names=terrain.surfaces,
-        colors=np.array(
-            [
-                GREY if surface.color is UNSET else surface.color
-                for surface in terrain.surface_types.values()
-            ],
-            np.uint8,
-        ).reshape(-1, 3),
-        frictions=np.array([friction_of(s) for s in terrain.surface_types.values()], np.float64),
     )
     return mesh, len(faces) - len(skirt), found["moved"]
+
+
+def mesh_of(
+    terrain: Terrain,
+    plan: MeshPlan,
+    *,
+    vertices: NDArray[np.float64],
+    faces: Ints,
+    surfaces: Ints,
+    walls: NDArray[np.bool_],
+) -> Mesh:
+    """Mesh of arrays as `Mesh` has them, with the surfaces of a terrain."""
+    types = terrain.surface_types.values()
+    colors = [GREY if surface.color is UNSET else surface.color for surface in types]
+    return Mesh(
+        vertices=vertices,
+        faces=faces,
+        surfaces=surfaces,
+        walls=walls,
+        origin=np.append(plan.origin, 0.0),
+        names=terrain.surfaces,
+        colors=np.array(colors, np.uint8).reshape(-1, 3),
+        frictions=np.array([friction_of(one) for one in types], np.float64),
+    )
+
+
+def base_height(
+    base: float | Literal["below"], lowest: float, highest: float, plan: MeshPlan
+) -> float:
+    """Height of the base of a solid, as in `build`.
+
+    Args:
+        base: what is asked for.
+        lowest: lowest height of the mesh, in units of the terrain.
+        highest: highest height of the mesh.
+        plan: plan of the terrain.
+
+    Raises:
+        RequestError: the base does not lie below all ground.
+    """
+    if base == "below":
+        return base_below(lowest, highest, plan.pitch * float(plan.bounds.max()))
+    if not -np.inf < base < lowest - plan.rounding:
+        raise RequestError(
+            f"The base at {base:g} is not below the lowest ground of the mesh, which is at"
+            f" {lowest:g}.",
+            "Give a base that is lower.",
+        )
+    return base
 
 
 def base_below(lowest: float, highest: float, side: float) -> float:

@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+from msgspec import UNSET, structs
 from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
@@ -124,7 +125,10 @@ def export_elevation_grid(
         names=coarse.names,
         colors=coarse.colors,
     )
-    statement = _statement(grid, wall_summary(coarse), *points, ground)
+    statement = structs.replace(
+        _statement(grid, wall_summary(coarse), *points, ground),
+        storeys=next(iter(terrain.hidden), UNSET),
+    )
     with whole_file(path, overwrite) as file:
         write_elevation_grid(grid, file, terrain.descr)
     return ElevationGridReport(

@@ -19,13 +19,13 @@ from terratool.field.bounds import largest_depths, largest_heights
 from terratool.field.relief import SCALE_PER_RMS
 from terratool.field.summary import height_range, spread_points
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
-from terratool.mesh.build import build
 from terratool.mesh.components import components
 from terratool.mesh.formats.common import points_of
 from terratool.mesh.formats.table import MeshFormat, mesh_format
 from terratool.mesh.loss import MeshLoss, omitted_elements, wall_summary
 from terratool.mesh.normals import with_normals
 from terratool.mesh.origin import Origin, check_origin, zero_of
+from terratool.mesh.stacked import build_all
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.output import refuse_existing, refuse_missing_folder, target_of, whole_file
 from terratool.report.documents import plain_document
@@ -305,7 +305,7 @@ def fitted_mesh(
 
     def attempt(error: float, least: float) -> BuiltMesh:
         say(f"meshing within {metres(error)}")
-        built = build(terrain, error, bounds, least, base)
+        built = build_all(terrain, error, bounds, least, base)
         say(f"{count_of(len(built.mesh.faces), 'face')} within {metres(error)}")
         return built
 
@@ -342,9 +342,10 @@ def loss_of(terrain: Terrain, fit: BudgetedMesh, options: MeshOptions, wanted: f
         miss_measured=left.change is not None,
         wall_offset=built.loss.wall_offset,
         rounding=rounding_of(built.mesh),
-        walls=wall_summary(built.mesh),
+        walls=wall_summary(built.mesh, built.shell),
         left=left,
         ruts=built.loss.ruts if terrain.tracks else UNSET,
+        storeys=built.storeys or next(iter(terrain.hidden), UNSET),
     )
 
 

@@ -15,9 +15,9 @@ from terratool.field.terrain import Terrain, batch_heights, clip_bounds
 from terratool.kernels import field as fields
 from terratool.mesh.constraints import undrawn_tracks, without_tracks
 from terratool.mesh.plan import plan_of
-from terratool.mesh.types import BuiltMesh, Mesh, RutLoss
+from terratool.mesh.types import BuiltMesh, Mesh, MeshStoreys, RutLoss
 from terratool.report.numbers import metres
-from terratool.report.wording import count_of
+from terratool.report.wording import count_of, decks_and_bores
 
 POINTS = 500_000
 """Most points in cells of left-out elements, and as many anywhere, at which change is measured."""
@@ -111,6 +111,8 @@ class MeshLoss(
         walls: walls of the ground, without the outer sides of a solid.
         left: elements that are left out.
         ruts: loss of ruts; UNSET for a terrain without tracks.
+        storeys: decks and bores of the mesh, or the sentence on those that it leaves out; UNSET for
+            none.
     """
 
     wanted: float
@@ -124,10 +126,16 @@ class MeshLoss(
     walls: WallSummary
     left: OmittedElements
     ruts: RutLoss | UnsetType = UNSET
+    storeys: MeshStoreys | str | UnsetType = UNSET
 
     def sentences(self) -> Iterator[str]:
         """Yield a sentence on walls and one on losses."""
         yield f"Walls: {self.walls.phrase()}."
+        if isinstance(self.storeys, MeshStoreys):
+            yield (
+                f"Storeys: {decks_and_bores(self.storeys.decks, self.storeys.bores)}; "
+                f"{metres(self.storeys.volume)}³ stand over gaps of {metres(self.storeys.area)}²."
+            )
         parts = [f"the ground is up to {metres(self.error)} off the terrain"] * (self.error > 0)
         if self.error > self.allowed:
             parts[0] += ", as nothing finer can be drawn"
@@ -174,12 +182,14 @@ class GridLoss(Struct, frozen=True):
         points: number of points at which the grid was compared with the terrain.
         miss: largest difference at the points, whichever way viewers halve the squares.
         rms: root mean square of the differences at the points.
+        storeys: sentence on decks and bores that are left out; UNSET for none.
     """
 
     walls: WallSummary
     points: int
     miss: Peak
     rms: float
+    storeys: str | UnsetType = UNSET
 
     def sentences(self, spacing: float) -> Iterator[str]:
         """Yield a sentence on losses.
@@ -208,60 +218,52 @@ def join_walls(one: WallSummary, other: WallSummary) -> WallSummary:
     return WallSummary(one.length + other.length, one.area + other.area, highest)
 
 
-def wall_summary(mesh: Mesh) -> WallSummary:
-    """Return a summary of walls with ground on both sides, not of the outer sides of a solid.
+def wall_summary(mesh: Mesh, shell: int | None = None) -> WallSummary:
+    """Return a summary of the walls of a mesh.
 
-    A strip of wall stands over one edge of the ground, which all faces of the strip share, seen
-    from above.
+    A strip of wall stands over one edge of the ground, seen from above; of strips above each other
+    the summary has the length once.
+
+    Args:
+        mesh: the mesh.
+        shell: number of the first faces, as in `BuiltMesh`, among which walls count; all if None.
     """
-    if not mesh.walls.any():
+    upright = mesh.faces[:shell][mesh.walls[:shell]]
+    if not len(upright):
         return WallSummary()
     x, y, z = mesh.vertices.T
     _, place = np.unique(x + 1j * y, return_inverse=True)
     place = place.reshape(-1).astype(np.int64)
-    upright = mesh.faces[mesh.walls]
     ends = place[upright]
     low, high = ends.min(axis=1), ends.max(axis=1)
-    edges, edge = np.unique(low * len(place) + high, return_inverse=True)
+    _, first, edge = np.unique(low * len(place) + high, return_index=True, return_inverse=True)
     edge = edge.reshape(-1)
-
-    ground = place[mesh.faces[is_ground(mesh)]]
-    sides = np.concatenate([ground[:, [k, (k + 1) % 3]] for k in range(3)])
-    keys = sides.min(axis=1) * len(place) + sides.max(axis=1)
-    at = np.minimum(np.searchsorted(edges, keys), len(edges) - 1)
-    inner = np.bincount(at[edges[at] == keys], minlength=len(edges)) == 2
-
-    kept = inner[edge]
-    if not kept.any():
-        return WallSummary()
-    # the faces of a strip reach from its lowest to its highest level at each end
-    end = 2 * np.repeat(edge, 3) + (ends == high[:, None]).ravel()
-    top, bottom = np.full(2 * len(edges), -np.inf), np.full(2 * len(edges), np.inf)
-    np.maximum.at(top, end, z[upright].ravel())
-    np.minimum.at(bottom, end, z[upright].ravel())
-    vertex = np.empty(2 * len(edges), np.int64)
-    vertex[end] = upright.ravel()
-    heights = np.where(np.repeat(inner, 2), top - bottom, -1.0)
+    along = np.hypot(*(np.ptp(axis[upright[first]], axis=1) for axis in (x, y)))
+    # one side of each face is upright, at one end of the edge; where they follow one another, the
+    # strip goes on
+    same = ends == np.roll(ends, -1, axis=1)
+    row, corner = np.nonzero(same)
+    sides = np.column_stack([upright[row, corner], upright[row, (corner + 1) % 3]])
+    bottom, top = np.sort(z[sides], axis=1).T
+    end = 2 * edge[row] + (ends[row, corner] == high[row])
+    order = np.lexsort([bottom, end])
+    end, bottom, top = end[order], bottom[order], top[order]
+    begins = np.flatnonzero(
+        np.concatenate([[True], (end[1:] != end[:-1]) | (bottom[1:] > top[:-1])])
+    )
+    heights = np.maximum.reduceat(top, begins) - bottom[begins]
     best = int(heights.argmax())
-    along = np.hypot(*(np.diff(axis[vertex.reshape(-1, 2)])[:, 0] for axis in (x, y)))
-    a, b, c = (mesh.vertices[upright[kept, k]] for k in range(3))
+    vertex = sides[order[begins[best]], 0]
+    a, b, c = (mesh.vertices[upright[:, k]] for k in range(3))
     return WallSummary(
-        length=float(along[inner].sum()),
+        length=float(along.sum()),
         area=float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2),
         highest=HighestWall(
             float(heights[best]),
-            float(x[vertex[best]] + mesh.origin[0]),
-            float(y[vertex[best]] + mesh.origin[1]),
+            float(x[vertex] + mesh.origin[0]),
+            float(y[vertex] + mesh.origin[1]),
         ),
     )
-
-
-def is_ground(mesh: Mesh) -> NDArray[np.bool_]:
-    """Whether faces are ground, (m,) bool: neither upright nor of the bottom of a solid."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k], :2] for k in range(3))
-    u, v = b - a, c - a
-    up: NDArray[np.bool_] = ~mesh.walls & (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] > 0)
-    return up
 
 
 def omitted_elements(

@@ -34,6 +34,11 @@ class MeshRequest(MeshOptions):
     elevation_grid: bool = False
     resolution: float | None = None
 
+    @property
+    def has_storeys(self) -> bool:
+        """Whether what is written has the decks and bores of a terrain."""
+        return not self.elevation_grid and self.tile_faces is None
+
     def check_file(self, output: str | Path, overwrite: bool = False) -> None:
         """Refuse options that do not go together or with a file, before a terrain is read.
 
@@ -93,7 +98,7 @@ def write_mesh_files(
     """Write a terrain as a mesh, as tiles of one, or as a grid of heights.
 
     Args:
-        terrain: terrain to write.
+        terrain: terrain to write; tiles and grids are of its ground alone.
         output: file to write, whose suffix names the format; tiles go into a folder that is called
             as the file is without its suffix.
         request: options of the mesh and of its files.
@@ -107,6 +112,8 @@ def write_mesh_files(
     """
     output = Path(output)
     request.check_file(output, overwrite)
+    if not request.has_storeys:
+        terrain = terrain.ground_alone
     if request.elevation_grid:
         return export_elevation_grid(
             terrain, output, request.resolution, request.bounds, overwrite=overwrite

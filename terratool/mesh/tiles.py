@@ -452,6 +452,7 @@ def export_tiles(
                 walls=standing,
                 left=OmittedElements(small=layout.loss.small),
                 ruts=layout.loss.ruts if terrain.tracks else UNSET,
+                storeys=next(iter(terrain.hidden), UNSET),
             ),
             tiles=tuple(tiles),
         )

@@ -92,22 +92,40 @@ class PlanLoss(NamedTuple):
     ruts: RutLoss = RutLoss()
 
 
+class MeshStoreys(Struct, frozen=True):
+    """Decks and bores of a mesh. Lengths are in units of the terrain.
+
+    Attributes:
+        decks: number of decks of the terrain.
+        bores: number of bores of the terrain.
+        area: area over which something stands over a gap, seen from above.
+        volume: volume of all that stands over a gap.
+    """
+
+    decks: int
+    bores: int
+    area: float
+    volume: float
+
+
 @dataclass(frozen=True, slots=True)
 class BuiltMesh:
     """A mesh, and how well it shows its terrain.
 
     Attributes:
         mesh: mesh of the terrain.
-        shell: number of the first faces that are ground and walls; skirt and base of a solid come
-            after them.
+        shell: number of the first faces that are ground, storeys and walls; skirt and base of a
+            solid come after them.
         error: bound of the distance, along z, of the ground from the terrain, in its units.
         loss: loss of the plan.
+        storeys: decks and bores of the mesh; None for a terrain without.
     """
 
     mesh: Mesh
     shell: int
     error: float
     loss: PlanLoss
+    storeys: MeshStoreys | None = None
 
 
 @dataclass(frozen=True, slots=True)

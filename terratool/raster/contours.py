@@ -128,7 +128,7 @@ class ContourNodes:
         x = np.concatenate([[west], grid.columns(grid.whole), [east]])
         y = np.concatenate([[north], grid.rows(grid.whole), [south]])
         z = np.empty((len(y), len(x)))
-        painter = Painter(terrain, grid, np.float64, surfaces=False)
+        painter = Painter(terrain, grid, np.float64, surfaces=False, storeys=0)
 
         def paint(window: Window) -> None:
             rows = slice(window.row + 1, window.row + 1 + window.height)

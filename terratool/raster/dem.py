@@ -390,8 +390,9 @@ def dem_arrays(terrain: Terrain, choice: GridChoice, request: RasterRequest) -> 
             do not fit into memory.
         DefinitionError: the CRS of the terrain is unknown.
     """
-    files, threads, crs = request.files(terrain), thread_count(request.threads), crs_of(terrain)
     grid = choice.grid
+    files, threads = request.files(terrain, grid), thread_count(request.threads)
+    crs = crs_of(terrain)
     found = _empty_arrays(grid, files)
     maker = WindowMaker(terrain, grid, files)
     for made in prefetch(maker.make, windows_of(grid.whole, files), threads):
@@ -406,7 +407,8 @@ def dem_arrays(terrain: Terrain, choice: GridChoice, request: RasterRequest) -> 
     for file, pixels in zip(files, found, strict=True):
         arrays.update(zip(file.names, pixels, strict=True))
         units.update(zip(file.names, file.units, strict=True))
-    asked = [name for layer in layers_named(request.layers) for name in layer.bands]
+    layers = {layer.name: layer for file in files for layer in file.layers}
+    asked = [name for one in layers_named(request.layers) for name in layers[one.name].bands]
     bands = {name: arrays[name] for name in asked}
     has_surfaces = any(file.content == "surface" for file in files)
     names = terrain.surfaces if has_surfaces else ()

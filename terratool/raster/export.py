@@ -28,9 +28,16 @@ from terratool.raster.formats import (
 )
 from terratool.raster.geotiff import RasterExtent, crs_of
 from terratool.raster.grid import Grid, Window
-from terratool.raster.layers import LayerBands, SurfaceValues, files_of, layers_named
+from terratool.raster.layers import (
+    LayerBands,
+    SurfaceValues,
+    files_of,
+    layers_named,
+    with_tops,
+)
 from terratool.raster.loss import LossFinder, RasterLoss
 from terratool.raster.overviews import OVERVIEWS_FROM, factors, is_averaged_by_gdal
+from terratool.raster.painter import most_tops
 from terratool.raster.statistics import RasterStatistics, StatisticsSum
 from terratool.raster.windows import WindowMaker, windows_of
 from terratool.raster.writers import Storage, open_writer
@@ -153,8 +160,8 @@ class RasterRequest:
             return None
         return Compression(self.compress or "zstd", self.max_error or 0.0)
 
-    def files(self, terrain: Terrain) -> tuple[LayerBands, ...]:
-        """Bands of the files that the layers need.
+    def files(self, terrain: Terrain, grid: Grid) -> tuple[LayerBands, ...]:
+        """Bands of the files that the layers need on a grid.
 
         Raises:
             RequestError: a layer or the data type is unknown, `nodata` is infinite, no value of the
@@ -180,6 +187,9 @@ class RasterRequest:
                 f"No {self.dtype} is {empty!r}, which is to stand for none.",
                 "Give another number, such as -9999, or add --dtype float64.",
             )
+        if any(layer.name == "columns" for layer in layers):
+            most = most_tops(terrain, grid)
+            layers = tuple(with_tops(layer, most) for layer in layers)
         files = files_of(layers, terrain, np.dtype(self.dtype), empty)
         if self.nodata is not None and all(bands.content != "number" for bands in files):
             raise RequestError(
@@ -257,7 +267,7 @@ def export_dem(
             f"{path.name}: only a .tif is compressed as one likes.",
             "Leave out --compress and --max-error, or ask for a .tif.",
         )
-    files, overviews = request.files(terrain), request.has_overviews(form, grid)
+    files, overviews = request.files(terrain, grid), request.has_overviews(form, grid)
     paths = paths_of(path, files)
     companions = (*COMPANIONS, *form.companions)
     for name, bands in zip(paths, files, strict=True):

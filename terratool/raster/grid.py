@@ -183,14 +183,29 @@ def _finest_element(terrain: Terrain, part: Bounds) -> tuple[float, float]:
     least, whole = terrain.smallest_cell, terrain.written_out_or_none
     if whole is None:
         return least, math.inf
-    west, south, east, north = whole.footprints()
-    there = (west < part[2]) & (east > part[0]) & (south < part[3]) & (north > part[1])
-    west, south, east, north = whole.cells()
-    wide, tall = east - west, north - south
-    cell = min(float(wide[there].min()), float(tall[there].min()))
+    cell, detail = _finest_among(whole, part)
     # cell edges are rounded
     cell = least if cell <= least * (1 + _WHOLE) else cell
-    return cell, float(finest_details(whole.arrays, wide, tall)[there].min())
+    for sheet in () if whole.storeys is None else whole.storeys.sheets:
+        own_cell, own_detail = _finest_among(sheet.top, part, sheet.storeys >= 0)
+        cell, detail = min(cell, own_cell), min(detail, own_detail)
+    return cell, detail
+
+
+def _finest_among(
+    terrain: Terrain, part: Bounds, which: NDArray[np.bool_] | bool = True
+) -> tuple[float, float]:
+    """Side of the smallest cell and of the finest detail of some elements in a part of a terrain.
+
+    They are infinite without elements there.
+    """
+    west, south, east, north = terrain.footprints()
+    there = (west < part[2]) & (east > part[0]) & (south < part[3]) & (north > part[1]) & which
+    west, south, east, north = terrain.cells()
+    wide, tall = east - west, north - south
+    cell = min(float(side[there].min(initial=math.inf)) for side in (wide, tall))
+    details = finest_details(terrain.arrays, wide, tall)[there]
+    return cell, float(details.min(initial=math.inf))
 
 
 def resolution_within(width: float, depth: float, most: int) -> tuple[float, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,7 +17,14 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.io.bands import Bands
 from terratool.raster.grid import Grid
-from terratool.raster.painter import Planes, id_type
+from terratool.raster.painter import (
+    CLEARANCE_BAND,
+    COLUMN_BANDS,
+    COUNT_BAND,
+    GROUND_BAND,
+    Planes,
+    id_type,
+)
 from terratool.raster.shading import shade_bytes
 from terratool.text.meaning import guess
 
@@ -38,6 +45,7 @@ class Layer:
         content: meaning of the pixels: "number", "surface", "color" or "shade".
         soil: attribute of a surface that the layer shows; empty for computed layers.
         slopes: whether the layer is computed from slopes.
+        columns: whether the layer is computed from all tops, not from the highest alone.
         mean: averaging of values: "number", "direction" in degrees, "vector" over all bands, or
             empty for none.
     """
@@ -49,6 +57,7 @@ class Layer:
     soil: str = ""
     slopes: bool = False
     mean: str = "number"
+    columns: bool = False
 
     @property
     def title(self) -> str:
@@ -77,8 +86,22 @@ LAYERS: dict[str, Layer] = {
         Layer("sonar", ("sonar reflectance",), "1", soil="sonar_refl"),
         Layer("color", ("red", "green", "blue"), "", "color", soil="color"),
         Layer("hillshade", ("hillshade",), "", "shade"),
+        Layer("ground", ("ground",), "m", columns=True),
+        # from the ground to the next underside
+        Layer("clearance", ("clearance",), "m", columns=True),
+        Layer("storeys", ("storeys",), "", columns=True),
+        # further bands of those that have more tops: see with_tops
+        Layer("columns", ("top-1",), "m", columns=True),
     )
 }
+
+
+def with_tops(layer: Layer, most: int) -> Layer:
+    """Layer with as many bands as columns of so many tops have; other layers are as they were."""
+    if layer.name != "columns":
+        return layer
+    more = (name for k in range(2, most + 1) for name in (f"bottom-{k}", f"top-{k}"))
+    return replace(layer, bands=("top-1", *more))
 
 
 @dataclass(frozen=True)
@@ -217,6 +240,9 @@ def layer_painter(
                     np.take(values, planes.surfaces, out=plane)
                     if layer.content == "color":
                         plane[np.isnan(planes.heights)] = 0
+            elif layer.columns:
+                assert planes.columns is not None
+                part[:] = planes.columns[_BANDS[layer.name]]
             elif layer.content == "shade":
                 part[0] = shade_bytes(painted.heights, grid.resolution)[place]
             else:
@@ -256,6 +282,13 @@ def _normal(planes: Planes, out: Pixels) -> None:
     np.subtract(0.0, planes.slope_y * out[2], out=out[1])
 
 
+_BANDS = {
+    "ground": slice(GROUND_BAND, GROUND_BAND + 1),
+    "clearance": slice(CLEARANCE_BAND, CLEARANCE_BAND + 1),
+    "storeys": slice(COUNT_BAND, COUNT_BAND + 1),
+    "columns": slice(COLUMN_BANDS, None),
+}
+"""Bands of `Planes.columns` that each layer of columns has."""
 _COMPUTED: dict[str, Callable[[Planes, Pixels], None]] = {
     "height": _height, "surface": _surface, "slope": _slope, "aspect": _aspect, "normal": _normal,
 }  # fmt: skip

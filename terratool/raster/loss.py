@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from msgspec import UNSET, UnsetType
 from numpy.typing import DTypeLike, NDArray
 
 from terratool.field.bounds import finest_details, largest_heights
+from terratool.field.storeys import StoreySheet
 from terratool.field.summary import spread_points
 from terratool.field.terrain import Terrain
 from terratool.field.walls import WallFinders
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
+from terratool.raster.hidden import NOTHING_HIDDEN, HiddenCounts, HiddenFinder, HiddenLoss
 from terratool.raster.painter import Planes
 from terratool.report.numbers import metres
 from terratool.report.wording import count_of
@@ -158,6 +161,7 @@ class RasterLoss:
         interpolation: error between the pixels; None where no four neighbours have heights.
         left_out: number of elements, where they are too many for walls and narrow features to be
             looked for; else 0.
+        hidden: what is below the highest top; unset for terrains without storeys.
     """
 
     walls: WallLoss
@@ -166,10 +170,11 @@ class RasterLoss:
     nodata: int
     interpolation: InterpolationError | None
     left_out: int = 0
+    hidden: HiddenLoss | UnsetType = UNSET
 
     def sentence(self, resolution: float, pixel: str = "pixel") -> str:
         """One line about all losses; `resolution` is the side of a pixel, `pixel` its name."""
-        parts = []
+        parts = [] if self.hidden is UNSET else self.hidden.phrases(resolution, pixel)
         ramp, jump = self.walls.steepest_ramp, self.walls.largest_jump
         if jump:
             about = "about " if self.walls.estimated else ""
@@ -204,21 +209,47 @@ def subpixel_features(terrain: Terrain, grid: Grid) -> tuple[SubpixelFeatures, S
 
     The width of an element is the shorter side of its cells. Details are those of `finest_details`.
     """
+    # less the rounding of cell edges far from the origin
+    side = grid.resolution * (1 - 1e-9) - 4 * np.spacing(np.abs(terrain.bounds).max())
+    narrow, detailed = _narrow_elements(terrain, grid, side)
+    slim, track_widths = _tracks(terrain, grid)
+    slim &= track_widths < side
+    tracks = terrain.first_track + np.flatnonzero(slim)
+    found = [narrow, _Widths(tracks, track_widths[slim])], [detailed]
+    for sheet in _sheets(terrain):
+        for kind, one in zip(found, _narrow_elements(sheet.top, grid, side), strict=True):
+            own = sheet.storeys[one.elements] >= 0
+            kind.append(_Widths(sheet.numbers[one.elements[own]], one.widths[own]))
+    narrow, detailed = (_Widths(*map(np.concatenate, zip(*kind, strict=True))) for kind in found)
+    return _features(terrain, narrow), _features(terrain, detailed)
+
+
+def _sheets(terrain: Terrain) -> tuple[StoreySheet, ...]:
+    return () if terrain.storeys is None else terrain.storeys.sheets
+
+
+class _Widths(NamedTuple):
+    """Elements by their numbers, and widths of them or of their details, (n,) each."""
+
+    elements: NDArray[np.int64]
+    widths: Floats
+
+
+def _narrow_elements(terrain: Terrain, grid: Grid, side: float) -> tuple[_Widths, _Widths]:
+    """Elements of a plain terrain narrower than a side, and others with narrower details."""
     west, south, east, north = terrain.footprints()
     low_x, low_y, high_x, high_y = grid.bounds
     within = (west < high_x) & (east > low_x) & (south < high_y) & (north > low_y)
     west, south, east, north = terrain.cells()
     wide, tall = east - west, north - south
-    # less the rounding of cell edges far from the origin
-    side = grid.resolution * (1 - 1e-9) - 4 * np.spacing(np.abs(terrain.bounds).max())
     widths = np.minimum(wide, tall)
     narrow = within & (widths < side)
     details = finest_details(terrain.arrays, wide, tall)
     detailed = within & ~narrow & (details < side)
-    slim, track_widths = _tracks(terrain, grid)
-    narrow = np.append(narrow, slim & (track_widths < side))
-    widths = np.append(widths, track_widths)
-    return _features(terrain, narrow, widths), _features(terrain, detailed, details)
+    return (
+        _Widths(np.flatnonzero(narrow), widths[narrow]),
+        _Widths(np.flatnonzero(detailed), details[detailed]),
+    )
 
 
 def _tracks(terrain: Terrain, grid: Grid) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
@@ -237,15 +268,14 @@ def _tracks(terrain: Terrain, grid: Grid) -> tuple[NDArray[np.bool_], NDArray[np
     return reached, 2.0 * reach[tracks.first[:-1]]
 
 
-def _features(
-    terrain: Terrain, which: NDArray[np.bool_], widths: NDArray[np.float64]
-) -> SubpixelFeatures:
-    indices = np.flatnonzero(which)
+def _features(terrain: Terrain, found: _Widths) -> SubpixelFeatures:
     first = tuple(
-        SubpixelFeature(str(terrain.pointer(index)), float(widths[index]))
-        for index in indices[:FIRST].tolist()
+        SubpixelFeature(str(terrain.pointer(number)), width)
+        for number, width in zip(
+            found.elements[:FIRST].tolist(), found.widths[:FIRST].tolist(), strict=True
+        )
     )
-    return SubpixelFeatures(len(indices), first)
+    return SubpixelFeatures(len(found.elements), first)
 
 
 def interpolation_error(
@@ -295,7 +325,9 @@ def _points(terrain: Terrain, columns: Floats, rows: Floats) -> tuple[Floats, Fl
     half = min(POINTS, 4 * len(columns) * len(rows)) // 2
     x, y = spread_points((low_x, low_y, high_x, high_y), half)
     whole = terrain.written_out_or_none
-    left, bottom, right, top = np.empty((4, 0)) if whole is None else whole.cells()
+    cells = [np.empty((4, 0)) if whole is None else whole.cells()]
+    cells += [sheet.top.cells()[:, sheet.storeys >= 0] for sheet in _sheets(terrain)]
+    left, bottom, right, top = np.concatenate(cells, axis=1)
     middle_x, middle_y = left + (right - left) / 2, bottom + (top - bottom) / 2
     inside = np.flatnonzero(
         (low_x <= middle_x) & (middle_x <= high_x) & (low_y <= middle_y) & (middle_y <= high_y)
@@ -328,6 +360,7 @@ class LossCounts:
         length: length of these walls in plan, 2⁻²⁰ pixels.
         steepest: largest rise in a pair with a wall, world units, and the pair.
         highest: highest wall tested, world units, and the pair.
+        hidden: what is below the highest tops.
     """
 
     candidates: int = 0
@@ -336,6 +369,7 @@ class LossCounts:
     length: int = 0
     steepest: tuple[float, int] = (0.0, 0)
     highest: tuple[float, int] = (0.0, 0)
+    hidden: HiddenCounts = NOTHING_HIDDEN
 
     def __add__(self, other: LossCounts) -> LossCounts:
         return LossCounts(
@@ -345,6 +379,7 @@ class LossCounts:
             self.length + other.length,
             max(self.steepest, other.steepest),
             max(self.highest, other.highest),
+            self.hidden + other.hidden,
         )
 
 
@@ -360,17 +395,29 @@ class LossFinder:
         terrain: terrain of the grid.
         grid: pixels over the terrain.
         dtype: data type of the heights in the file.
+        storeys: whether the heights are those of the highest tops, rather than of the ground alone.
     """
 
-    def __init__(self, terrain: Terrain, grid: Grid, dtype: DTypeLike = np.float32) -> None:
+    def __init__(
+        self,
+        terrain: Terrain,
+        grid: Grid,
+        dtype: DTypeLike = np.float32,
+        *,
+        storeys: bool = False,
+    ) -> None:
         whole = terrain.written_out_or_none
         self.for_walls = whole is not None
         """Whether walls are looked for, which needs labels."""
-        self._terrain = terrain = whole or terrain
+        terrain = whole or terrain
+        self._terrain = terrain = terrain if storeys else terrain.ground_alone
         self._grid = grid
         self._dtype = np.dtype(dtype)
-        self._finders = WallFinders(terrain)
-        largest = float(largest_heights(terrain.arrays).max())
+        self.hidden = None if terrain.storeys is None else HiddenFinder(terrain, grid)
+        """Finder of what is below the highest tops; None without storeys."""
+        self._finders = WallFinders(terrain, storeys)
+        fields = [terrain, *(sheet.top for sheet in _sheets(terrain))]
+        largest = max(float(largest_heights(field.arrays).max()) for field in fields)
         self._level = max(_LEVEL * largest, _LOW * grid.resolution)
 
     def with_neighbours(self, window: Window) -> Window:
@@ -455,7 +502,8 @@ class LossFinder:
             narrow, details = subpixel_features(self._terrain, self._grid)
         interpolation = interpolation_error(self._terrain, self._grid, self._dtype)
         left_out = 0 if self.for_walls else self._terrain.elements
-        return RasterLoss(walls, narrow, details, nodata, interpolation, left_out)
+        hidden = UNSET if self.hidden is None else self.hidden.loss(part.hidden)
+        return RasterLoss(walls, narrow, details, nodata, interpolation, left_out, hidden)
 
     def _name(self, window: Window, pair: int) -> int:
         """Number of a pair in the grid, from 1, by its number in a window."""

@@ -117,7 +117,7 @@ def export_mosaic(
             f"{index.name}: the index of a mosaic is a .vrt.",
             "Give such a name, or none: the tiles go to the folder of --tiles.",
         )
-    files, overwrite = request.files(terrain), request.overwrite
+    files, overwrite = request.files(terrain, grid), request.overwrite
     compression = request.compression or Compression()
     tiling = Tiling(grid, files, compression, tile_size, request.losses, folder)
     indexes = paths_of(index, files)
@@ -181,9 +181,12 @@ def fingerprint(terrain: Terrain) -> str:
     digest = hashlib.blake2b(digest_size=16)
     surfaces = list(terrain.surface_types.items())
     digest.update(msgspec.json.encode([terrain.descr, terrain.crs, surfaces], order="sorted"))
-    arrays = terrain.arrays
-    values: list[Any] = [*arrays, *arrays.curves, *(arrays.tracks if terrain.tracks else ())]
-    values += arrays.shared if terrain.is_shared else ()
+    values = _arrays_of(terrain)
+    if terrain.storeys is not None:
+        values += terrain.storeys.table
+        for sheet in terrain.storeys.sheets:
+            values += [np.array(sheet.is_bore), sheet.storeys, sheet.faced]
+            values += _arrays_of(sheet.top) + _arrays_of(sheet.face)
     for value in values:
         if isinstance(value, np.ndarray):
             # column by column: padding between the members of a record is undefined
@@ -191,6 +194,13 @@ def fingerprint(terrain: Terrain) -> str:
                 digest.update(f"{column.dtype.str}{column.shape}".encode())
                 digest.update(np.ascontiguousarray(column).data)
     return digest.hexdigest()
+
+
+def _arrays_of(terrain: Terrain) -> list[Any]:
+    """All arrays of a field, storeys apart."""
+    arrays = terrain.arrays
+    values: list[Any] = [*arrays, *arrays.curves, *(arrays.tracks if terrain.tracks else ())]
+    return [*values, *(arrays.shared if terrain.is_shared else ())]
 
 
 def _refuse_index(path: Path, journal: Journal, folder: Path, overwrite: bool) -> None:

@@ -6,7 +6,7 @@ import contextlib
 import math
 from collections import deque
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
 
@@ -18,9 +18,9 @@ from terratool.field.terrain import Terrain
 from terratool.io.bands import Bands, BandStatistics
 from terratool.io.geotiff import TILE
 from terratool.raster.grid import Grid, Window
-from terratool.raster.layers import LayerBands, layer_painter
+from terratool.raster.layers import Layer, LayerBands, layer_painter
 from terratool.raster.loss import LossCounts, LossFinder
-from terratool.raster.painter import Painter, Planes
+from terratool.raster.painter import COLUMN_BANDS, Painter, Planes
 from terratool.raster.statistics import RasterStatistics, band_statistics
 
 _WINDOW_BYTES = 1 << 22
@@ -70,7 +70,7 @@ class WindowMaker:
     ) -> None:
         self.terrain, self.grid, self.files = terrain, grid, files
         dtype = heights_type(files)
-        self.losses = LossFinder(terrain, grid, dtype) if losses else None
+        self.losses = LossFinder(terrain, grid, dtype, storeys=True) if losses else None
         labels = self.losses is not None and self.losses.for_walls
         layers = [layer for bands in files for layer in bands.layers]
         self._painter = Painter(
@@ -80,6 +80,7 @@ class WindowMaker:
             surfaces=any(layer.surfaces for layer in layers),
             slopes=any(layer.slopes for layer in layers),
             labels=labels,
+            storeys=_column_bands(layers),
         )
         self._shaded = any(bands.content == "shade" for bands in files)
         self._layer_painters = [layer_painter(bands, terrain, grid) for bands in files]
@@ -95,12 +96,14 @@ class WindowMaker:
         painted = compared = self.losses.with_neighbours(window) if self.losses else window
         if self._shaded:
             painted = self.grid.around(window)
-        buffer = self._buffer(window, painted)
-        self._painter.paint(painted, buffer.planes)
+        buffer, place = self._buffer(window, painted), window.within(painted)
+        hidden = self.losses.hidden.pixels(place) if self.losses and self.losses.hidden else None
+        self._painter.paint(painted, buffer.planes, hidden)
         lost = LossCounts()
         if self.losses:
             lost = self.losses.of(window, buffer.planes.part(*compared.within(painted)))
-        place = window.within(painted)
+            if self.losses.hidden and hidden is not None:
+                lost = replace(lost, hidden=self.losses.hidden.counts(painted, hidden))
         planes = buffer.planes.part(*place)
         for paint_layers, bands in zip(self._layer_painters, buffer.pixels, strict=True):
             paint_layers(buffer.planes, bands, place)
@@ -148,6 +151,12 @@ class WindowMaker:
             return np.zeros(0, np.int64)
         assert planes.surfaces is not None
         return np.bincount(planes.surfaces.ravel(), minlength=self._ids)
+
+
+def _column_bands(layers: Sequence[Layer]) -> int:
+    """Bands of columns that layers are computed from."""
+    most = [len(layer.bands) for layer in layers if layer.name == "columns"]
+    return (COLUMN_BANDS if any(layer.columns for layer in layers) else 0) + sum(most)
 
 
 def _refuse_infinite(bands: Iterable[BandStatistics]) -> None:

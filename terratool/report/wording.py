@@ -20,3 +20,22 @@ def many(count: int) -> str:
 def join_words(words: Sequence[str]) -> str:
     """List words with commas and "and"."""
     return f"{', '.join(words[:-1])} and {words[-1]}" if words[1:] else "".join(words)
+
+
+def decks_and_bores(decks: int, bores: int) -> str:
+    """Format numbers of decks and bores, not both 0: 2 decks and 1 bore."""
+    counts = {"deck": decks, "bore": bores}
+    return join_words([count_of(count, noun) for noun, count in counts.items() if count])
+
+
+def hidden_storeys(decks: int, bores: int, of: str = "") -> str:
+    """Sentence on decks and bores that are not shown.
+
+    Args:
+        decks: number of decks.
+        bores: number of bores.
+        of: name of the terrain; empty where it is clear.
+    """
+    verb, them = ("is", "it") if decks + bores == 1 else ("are", "them")
+    said = decks_and_bores(decks, bores) + f" of {of}" * bool(of)
+    return f"{said} {verb} not shown: this is the ground without {them}."

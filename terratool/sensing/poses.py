@@ -8,6 +8,7 @@ turns to the left, a positive pitch looks down, a positive roll lowers the right
 from __future__ import annotations
 
 import csv
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -212,6 +213,9 @@ def _row(place: str, cells: list[str], places: dict[str, int]) -> list[float]:
 def place_on_ground(poses: Poses, terrain: Terrain, height: float, follow: bool = False) -> Poses:
     """Place poses above the ground at their x and y, whatever their z.
 
+    Where there are storeys, it is above the top that is nearest to z, of equally near ones the
+    lower.
+
     Args:
         poses: poses to be placed.
         terrain: terrain below the poses.
@@ -229,7 +233,11 @@ def place_on_ground(poses: Poses, terrain: Terrain, height: float, follow: bool 
         )
     refuse_outside(poses, terrain.bounds)
     x, y = poses.positions[:, 0], poses.positions[:, 1]
-    samples = terrain.sample(x, y)
+    tops = terrain.column(x, y).top
+    # of equally near ones the lower; infinitely far is where there is none
+    off = np.abs(tops - poses.positions[:, 2:])
+    nearest = np.where(np.isnan(off), np.inf, off).argmin(axis=1)
+    samples = terrain.sample(x, y, below=tops[np.arange(len(poses)), nearest])
     void = np.flatnonzero(np.isnan(samples.height))
     if len(void):
         raise RequestError(
@@ -238,30 +246,35 @@ def place_on_ground(poses: Poses, terrain: Terrain, height: float, follow: bool 
         )
     up = samples.normal if follow else np.tile([0.0, 0.0, 1.0], (len(poses), 1))
     positions = np.column_stack([x, y, samples.height]) + height * up
-    if not follow:
-        return replace(poses, positions=positions)
-    tilted = replace(poses, positions=positions, turns=_tilted_turns(poses, up))
-    check_poses(tilted, terrain)
-    return tilted
+    turns = _tilted_turns(poses, up) if follow else poses.turns
+    placed = replace(poses, positions=positions, turns=turns)
+    if follow or terrain.storeys is not None:  # there may be a wall beside, or a roof above
+        check_poses(placed, terrain)
+    return placed
 
 
 def check_poses(poses: Poses, terrain: Terrain) -> None:
-    """Refuse poses outside the terrain or below the ground.
+    """Refuse poses outside the terrain, below the ground or in a storey.
 
     Raises:
         RequestError: a pose is.
     """
     refuse_outside(poses, terrain.bounds)
     x, y, z = poses.positions.T
-    ground = terrain.height(x, y)
-    slack = _BELOW * np.maximum(np.abs(z), np.abs(ground))
-    below = np.flatnonzero(z < ground - slack)
-    if len(below):
-        index = int(below[0])
-        deep = float(ground[index] - z[index])
+    columns, z = terrain.column(x, y), z[:, None]
+    slack = _BELOW * np.maximum(np.abs(z), np.abs(columns.top))
+    inside = (z < columns.top - slack) & (z > columns.bottom + slack)
+    for index, place in np.argwhere(inside).tolist():
+        where, top = _place(poses, index), float(columns.top[index, place])
+        bottom = float(columns.bottom[index, place])
+        if math.isfinite(bottom):
+            raise RequestError(
+                f"The sensor is in what is solid from {bottom:.6g} to {top:.6g} m {where}.",
+                f"Give a z below {bottom:.6g} or above {top:.6g}.",
+            )
         raise RequestError(
-            f"The sensor is {deep:.3g} m below the ground {_place(poses, index)}.",
-            f"Give a z above {float(ground[index]):.6g}, or add --on-ground HEIGHT.",
+            f"The sensor is {top - float(z[index, 0]):.3g} m below the ground {where}.",
+            f"Give a z above {top:.6g}, or add --on-ground HEIGHT.",
         )
 
 

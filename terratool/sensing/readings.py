@@ -58,7 +58,8 @@ class Frame:
         ring: (n,) uint16, beam of a lidar or row of a picture.
         offset: (n,) float64, time from the first pose, s.
         surface: (n,) int32, index into `Terrain.surfaces`; -1 for none.
-        element: (n,) int64, index of the element, as in `PointSamples`; -1 for none.
+        element: (n,) int64, index of the element, as in `PointSamples`; those of storeys follow
+            those of tracks; -1 for none.
         wall: (n,) bool, whether the hit is on a wall.
         status: (n,) uint8, `ReadingStatus`.
         lacking: indices of surfaces without `sonarRefl` that a sonar met.
@@ -167,7 +168,7 @@ def read(terrain: Terrain, sensor: Sensor, rays: Rays, poses: Poses, number: int
         ring=rays.ring,
         offset=rays.offset,
         surface=np.where(none, np.int32(-1), hits.surface),
-        element=np.where(none | (hits.element < 0), np.int64(-1), hits.element),
+        element=terrain.short_numbers(np.where(none, np.int64(-1), np.maximum(hits.element, -1))),
         wall=hits.wall & ~none,
         status=status,
     )
@@ -193,7 +194,7 @@ def miss_status(terrain: Terrain, origins: Floats, ways: Floats) -> NDArray[np.u
     leaves = far.min(axis=1) * (1.0 - _INSIDE)
     upright = np.isinf(leaves)
     last = origins + np.where(upright, 0.0, leaves)[:, None] * ways
-    ground = terrain.height(last[:, 0], last[:, 1])
+    ground = terrain.ground(last[:, 0], last[:, 1])
     under = np.where(np.isnan(ground) | upright, ways[:, 2] < 0.0, last[:, 2] < ground)
     status[under & (status == ReadingStatus.OUTSIDE)] = ReadingStatus.VOID
     return status

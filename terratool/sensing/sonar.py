@@ -149,7 +149,7 @@ def ping(terrain: Terrain, sensor: Sensor, pose: Poses, number: int) -> Frame:
         ring=np.zeros(1, np.uint16),
         offset=np.zeros(1),
         surface=np.array([surface], np.int32),
-        element=np.array([element], np.int64),
+        element=terrain.short_numbers(np.array([element], np.int64)),
         wall=np.array([wall]),
         status=np.array([status], np.uint8),
         lacking=lacking,

@@ -116,6 +116,7 @@ def assess(
         ),
         notes=(
             f"Computed with the model {vehicle.model}.",
+            *terrain.hidden,
             *prepared.notes,
             *coverage_note(prepared),
             *headings_note(prepared, routes),

@@ -90,12 +90,14 @@ class FileVerdict:
         rows: result of each vehicle; empty where the terrain could not be judged.
         findings: what the file fails on; empty where it passes.
         unreadable: sentences on why the file cannot be read, and what to do; None if it can.
+        notes: sentences on what was not judged.
     """
 
     file: str
     rows: tuple[VehicleRow, ...] = ()
     findings: tuple[Finding, ...] = ()
     unreadable: tuple[str, str] | None = None
+    notes: tuple[str, ...] = ()
 
 
 def judge_file(job: FileJob) -> FileVerdict:
@@ -109,7 +111,7 @@ def judge_file(job: FileJob) -> FileVerdict:
     if checked.terrain is None:
         return FileVerdict(job.file, findings=_broken(source, checked))
     try:
-        terrain = Terrain(checked, roughness=job.roughness)
+        terrain = Terrain(checked, roughness=job.roughness).ground_alone
         planned, _ = prepare(terrain, job.vehicles, job.request)
         reports, blocked = [], []
         while planned:  # each holds much memory
@@ -126,7 +128,7 @@ def judge_file(job: FileJob) -> FileVerdict:
         for finding in _failures(source, job, report, ends, several)
     ]
     findings.sort(key=lambda finding: (finding.line, finding.column))
-    return FileVerdict(job.file, tuple(map(_row, reports)), tuple(findings))
+    return FileVerdict(job.file, tuple(map(_row, reports)), tuple(findings), notes=terrain.hidden)
 
 
 def _broken(source: Source, checked: Checked) -> tuple[Finding, ...]:

@@ -189,6 +189,7 @@ class Deformed:
         points: number of vertices of the wheels' lines.
         ruts: ruts on each surface, by name.
         ranged: names of surfaces whose sinkage is a range, of which the middle counts.
+        notes: sentences on what the drive did not see.
     """
 
     tracks: tuple[Track, ...]
@@ -198,6 +199,7 @@ class Deformed:
     points: int
     ruts: tuple[Rut, ...]
     ranged: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def check_path(path: Points, extent: Bounds) -> None:
@@ -254,7 +256,7 @@ def deform(
     if tolerance is None:
         tolerance = SHARE * min(wheel.width for wheel in wheels)
     bare = msgspec.structs.replace(definition, tracks=UNSET)
-    ground = Terrain(msgspec.structs.replace(checked, terrain=bare))
+    ground = Terrain(msgspec.structs.replace(checked, terrain=bare)).ground_alone
     ground.refuse_degrees("A vehicle")
     surfaces = ground.surface_types  # those of libraries, too
     known = () if checked.document is None else known_names(checked.document).surfaces
@@ -297,6 +299,7 @@ def deform(
         points=sum(len(track.path) for track in fresh),  # type: ignore[arg-type, misc]
         ruts=tuple(Rut(name, lengths[name], deepest[name]) for name in sorted(lengths)),
         ranged=tuple(n for n in sorted(lengths) if "sinkage" in surfaces[n].ranges),
+        notes=ground.hidden,
     )
 
 

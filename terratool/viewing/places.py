@@ -35,7 +35,7 @@ class Site(NamedTuple):
     """A terrain with the texts that it was made from.
 
     Attributes:
-        terrain: the terrain, with all parts written out.
+        terrain: the ground of the terrain, with all parts written out.
         checked: the definition and its libraries, checked.
     """
 
@@ -66,7 +66,7 @@ def read_site(path: str, library_roots: tuple[str, ...] = (), *, roughness: bool
 
 def site_of(checked: Checked, *, roughness: bool = True) -> Site:
     """Compile a checked definition without errors, as `read_site` does."""
-    return Site(Terrain(checked, roughness=roughness).written_out, checked)
+    return Site(Terrain(checked, roughness=roughness).written_out.ground_alone, checked)
 
 
 class Place(NamedTuple):

@@ -123,6 +123,7 @@ def scene_of(
         "wall_offset": wall_offset_of(fit.built),
         "left_out": fit.left_out,
         "change": fit.change,
+        "hidden": list(terrain.hidden),
         "grid": None if grid_of is None else [*grid_of.shape, grid_of.step],
         "ground_faces": int((~faces.upright).sum()),
         "elements_total": terrain.elements,

@@ -121,6 +121,10 @@ def wrong_words(commands: Commands) -> Iterator[str]:
                 yield f"{name}: {option.opts} is one option of two names"
 
 
+OWN_MEANINGS = {"--columns": {"new", "query"}}
+"""Names that mean one thing in one command, and another in the other."""
+
+
 def wrong_meanings(commands: Commands) -> Iterator[str]:
     """A name has one number of words and one metavar, and stands in the page once it is shared."""
     uses: dict[str, dict[tuple[Any, ...], set[str]]] = defaultdict(lambda: defaultdict(set))
@@ -130,6 +134,8 @@ def wrong_meanings(commands: Commands) -> Iterator[str]:
             uses[long_names(option)[0]][form].add(name.split()[0])
     table = dict(re.findall(r"`(--[\w-]+)(?: ([^`]+))?`", shared_rows()))
     for called, forms in uses.items():
+        if OWN_MEANINGS.get(called) == set().union(*forms.values()):
+            continue
         if len(forms) > 1:
             yield f"{called}: {dict(forms)}"
         ((_, metavar, _), users), *_ = forms.items()

@@ -11,6 +11,7 @@ from msgspec import structs
 from terratool.definition.layout import canonical
 from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.rules import RULES
+from terratool.field.unseen import unseen_storeys
 from terratool.text.source import read_source
 
 HERE = Path(__file__).parents[1]
@@ -28,11 +29,11 @@ def expected(path: Path) -> tuple[CheckOptions, list[tuple[str, str, str]]]:
 
     A first line ``--max-step 0.15`` gives that option.
     """
-    options, found = CheckOptions(), []
+    options, found = CheckOptions(look=unseen_storeys), []
     for line in path.with_suffix(".expected").read_text("utf-8").splitlines():
         place, code, *pointer = line.split(" ", 2)
         if place == "--max-step":
-            options = CheckOptions(max_step=float(code))
+            options = CheckOptions(max_step=float(code), look=unseen_storeys)
         else:
             found.append((place, code, pointer[0] if pointer else ""))
     return options, found
@@ -64,7 +65,7 @@ def test_valid_example(path: Path) -> None:
 @pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.stem)
 def test_sample(path: Path) -> None:
     """A sample is a good example: nothing is wrong with it, and nothing to remark on."""
-    checked = check(read_source(path), kind=None)
+    checked = check(read_source(path), CheckOptions(look=unseen_storeys), kind=None)
     assert checked.findings == ()
     assert checked.definition is not None
 

@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from msgspec import UNSET
@@ -91,11 +92,23 @@ def assert_same(found: dict[str, Any], wanted: dict[str, Any], share: float, siz
     turn = found.get("turnDeg", 0) - wanted["turnDeg"]
     assert abs(math.remainder(turn, 360)) <= 1e-12 * 360
     assert "part" not in found and "repeat" not in found
+    for key in ("deck", "bore"):
+        storey = storey_of(found[key]) if key in found else {}
+        assert storey.keys() == wanted.get(key, {}).keys()
+        for name, value in storey.items():
+            near = value if isinstance(value, str) else pytest.approx(value, rel=1e-12)
+            assert wanted[key][name] == near
+
+
+def storey_of(storey: Any) -> dict[str, Any]:
+    """The members of a deck or a bore, with the factor on its other face."""
+    told: dict[str, Any] = msgspec.to_builtins(storey)
+    return told | ({"vScale": told.get("vScale", 1)} if {"under", "roof"} & told.keys() else {})
 
 
 @pytest.mark.nightly
 @settings(max_examples=examples(200))
-@given(file_sets())
+@given(file_sets(storeyed=True))
 def test_the_expansion_is_what_the_format_says(files: FileSet) -> None:
     """Elements, their order and their names, and how many there are."""
     with tempfile.TemporaryDirectory() as folder:

@@ -845,3 +845,20 @@ def test_scattered_copies_are_free_elements(tmp_path: Path) -> None:
     )
     codes = [f.code for f in check(read_source(site), CheckOptions(warnings=False)).findings]
     assert codes == ["TT712"]
+
+
+def test_parts_that_are_not_in_use_may_lead_elsewhere(tmp_path: Path) -> None:
+    """A library of which one part is used has another, made of a part of a file not in use."""
+    shelf = {"type": "box", "vScale": 2, "deck": {"thickness": 0.5}}
+    idle = {"type": "box", "children": [{"cellX": 0, "cellY": 0, "part": "far"}]}
+    kit = {"use": ["more.json"], "elemTypes": BOX, "parts": {"shelf": shelf, "idle": idle}}
+    (tmp_path / "kit.json").write_text(json.dumps(kit))
+    (tmp_path / "more.json").write_text(
+        json.dumps({"elemTypes": BOX, "parts": {"far": {"type": "box"}}})
+    )
+    root = {"type": "box", "vScale": 1, "children": [{"cellX": 3, "cellY": 4, "part": "shelf"}]}
+    main = {"size": 10, "use": ["kit.json"], "elemTypes": BOX, "elemTree": root}
+    (tmp_path / "main.json").write_text(json.dumps(main))
+    terrain = Terrain(check(read_source(tmp_path / "main.json")))
+    assert terrain.column(3.5, 4.5).top.tolist() == [1, 3]
+    assert terrain.column(4.5, 3.5).top.tolist() == [1]

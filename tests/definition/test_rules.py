@@ -12,6 +12,7 @@ import pytest
 from terratool.definition.findings import Finding
 from terratool.definition.reader import Checked, CheckOptions, check
 from terratool.definition.rules import RULES
+from terratool.field.unseen import unseen_storeys
 from terratool.text.source import Source, read_source
 from tests.commands import run
 from tests.rasters import geotiff
@@ -48,6 +49,16 @@ NAMES = {
     "TT212": "default-scale",
     "TT213": "trimmed-element",
     "TT214": "default-height",
+    "TT215": "root-storey",
+    "TT216": "deck-and-bore",
+    "TT217": "other-face",
+    "TT218": "idle-face-height",
+    "TT219": "radial-face",
+    "TT220": "crossed-faces",
+    "TT221": "datum-height",
+    "TT222": "overlapping-decks",
+    "TT223": "buried-deck",
+    "TT224": "idle-bore",
     "TT301": "expression",
     "TT302": "expression-value",
     "TT303": "no-curve",
@@ -95,6 +106,8 @@ NAMES = {
     "TT604": "track-outside",
     "TT605": "track-without-sinkage",
     "TT606": "void-track",
+    "TT607": "mixed-path",
+    "TT608": "track-below-deck",
     "TT701": "unreadable-library",
     "TT702": "library-path",
     "TT703": "no-library",
@@ -167,7 +180,10 @@ def tried(how: str, text: str, folder: Path) -> Checked:
         heights = np.arange(rows * columns, dtype=np.float32).reshape(rows, columns)
         geotiff(folder / match[1], heights, (wide, tall), (500_000, 5_000_000), crs=match[6])
         text = text[match.end() :]
-    options, data = CheckOptions(), text.encode("latin-1" if how == "in Latin-1" else "utf-8")
+    options, data = (
+        CheckOptions(look=unseen_storeys),
+        text.encode("latin-1" if how == "in Latin-1" else "utf-8"),
+    )
     if match := re.fullmatch(r"with --max-step ([0-9.]+)", how):
         options = CheckOptions(max_step=float(match[1]))
     elif match := re.fullmatch(r"([0-9,]+) times", how):

@@ -148,7 +148,7 @@ def test_a_limit_that_cannot_be_kept(tmp_path: Path, monkeypatch: pytest.MonkeyP
         tries.append(arguments[1])
         return build(*arguments, **options)
 
-    monkeypatch.setattr(export, "build", counting)
+    monkeypatch.setattr(export, "build_all", counting)
     for terrain, least in ((crowd(), 2), (flat({**box(5, 5, 1), "surface": "hole"}), 8)):
         tries.clear()
         with pytest.raises(RequestError, match=rf"has {least} faces at least, and 1 are allowed"):

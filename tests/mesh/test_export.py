@@ -350,7 +350,7 @@ def test_without_usd_core(
 ) -> None:
     """One is told what to install before anything is computed."""
     monkeypatch.setitem(sys.modules, "pxr", None)
-    monkeypatch.setattr(export, "build", None)
+    monkeypatch.setattr(export, "build_all", None)
     ran = call("export-mesh", saved(SITE), tmp_path / "a.usdc")
     assert (ran.code, ran.out) == (2, "")
     assert "usd-core is not installed" in ran.err and "terratool[usd]" in ran.err

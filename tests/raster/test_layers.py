@@ -67,8 +67,12 @@ def wanted(layer: str, terrain: Any, x: np.ndarray, y: np.ndarray) -> np.ndarray
     ground = ~np.isnan(found.height)
     nx, ny, nz = np.moveaxis(found.normal, -1, 0)
     surfaces = SITE["surfTypes"]
-    if layer == "height":
+    if layer in ("height", "ground", "columns"):  # without storeys these are one
         return found.height[None]
+    if layer == "clearance":
+        return np.full((1, *x.shape), np.nan)
+    if layer == "storeys":
+        return ground[None].astype(float)
     if layer == "surface":
         return np.vectorize([None, *surfaces].index, otypes=[int])(names)[None]
     if layer == "slope":

@@ -11,11 +11,11 @@ from msgspec import UNSET, Struct, UnsetType
 
 from terratool.definition.curriculum import CurriculumText
 from terratool.definition.curves import CurveError, problems
-from terratool.definition.findings import Owner, Remark, RemarkBatch, Severity
+from terratool.definition.findings import Owner, Remark, RemarkBatch, Severity, UnseenStorey
 from terratool.definition.grid_files import LinkedGrid
 from terratool.definition.keys import SLOTS, Kind
 from terratool.definition.libraries import Clash, Named, SourceDocument, clashes_of, known_names
-from terratool.definition.model import Definition, Primitive, Surface
+from terratool.definition.model import FACES, STOREYS, Definition, Primitive, Storey, Surface
 from terratool.definition.part_sizes import PartSizes, sizes_of_places
 from terratool.definition.sensor import SensorText
 from terratool.definition.summaries import ShapeSummary, summarise_shape, with_heights
@@ -49,6 +49,7 @@ class Subject(_Subject, frozen=True, kw_only=True):
         size: size of the text, bytes.
         packed: whether the text came from gzip.
         max_step: height from which on a step is remarked on; None for no limit.
+        look: function that looks at the heights of the terrain for storeys that change nothing.
     """
 
     definition: Definition
@@ -57,6 +58,12 @@ class Subject(_Subject, frozen=True, kw_only=True):
     size: int = 0
     packed: bool = False
     max_step: float | None = None
+    look: Callable[[], tuple[UnseenStorey, ...]] = tuple
+
+    @cached_property
+    def unseen(self) -> tuple[UnseenStorey, ...]:
+        """Decks and bores that change nothing; none where nobody looks, or the text has errors."""
+        return self.look()
 
     @property
     def is_library(self) -> bool:
@@ -75,6 +82,31 @@ class Subject(_Subject, frozen=True, kw_only=True):
     def uses(self) -> Uses:
         """Parts that the text knows, and their uses."""
         return Uses(self.document, known_names(self.document))
+
+    @cached_property
+    def storeys(self) -> frozenset[int]:
+        """Elements that are decks or bores, or that stand for parts whose roots are."""
+        tree, uses = self.tree, self.uses
+        own = {
+            index
+            for key in STOREYS
+            for index in (
+                *self.unfit.get(key, ()),
+                *(index for index, _ in tree.elements_with(key, tree.distinct(key) - {UNSET})),
+            )
+        }
+        standing = {
+            name
+            for name in uses.known_parts & uses.graph.ends.keys()
+            if (end := uses.graph.ends[name].root).tree.storey(end.element) is not UNSET
+        }
+        own.update(index for index, _ in tree.elements_with("part", standing))
+        return frozenset(index for index in own if isinstance(index, int))
+
+    @cached_property
+    def shared_cells(self) -> list[tuple[int, int]]:
+        """Elements that share cells with an earlier sibling, each with that one; no storeys."""
+        return self.tree.shared_cells(self.storeys)
 
     @cached_property
     def place_sizes(self) -> PartSizes | None:
@@ -107,7 +139,7 @@ class Subject(_Subject, frozen=True, kw_only=True):
         """Summaries of the primitives that elements name; primitives with errors are left out."""
         others = {
             name: self.primitives[name]
-            for name in self.tree.distinct("type") - {UNSET}
+            for name in self.tree.shapes - {UNSET}
             if name not in self.definition.primitives and name in self.primitives
         }
         theirs = {name: self._summary(name, p) for name, p in others.items() if not problems(p)}
@@ -243,6 +275,32 @@ class CurriculumSubject(_Subject, frozen=True, kw_only=True):
     """
 
     curriculum: CurriculumText
+
+
+def faces_of(tree: Tree) -> Iterator[tuple[int, str, str]]:
+    """Yield each element whose other face has a primitive, the pointer of its name, and the name.
+
+    The pointer begins at the element.
+    """
+    for index, key, storey in storeys_of(tree):
+        if storey.face is not UNSET:
+            yield index, f"/{key}/{FACES[type(storey)]}", storey.face
+
+
+def storeys_of(tree: Tree) -> Iterator[tuple[int, str, Storey]]:
+    """Yield each deck and bore: its element, its key, and what the key holds."""
+    for key in STOREYS:
+        for index, storey in tree.elements_with(key, tree.distinct(key) - {UNSET}):
+            yield index, key, storey
+
+
+_LONG = 80
+
+
+def short_pointer(tree: Tree, index: int) -> str:
+    """JSON pointer of an element for messages, without its beginning where it is long."""
+    pointer = tree.pointer(index)
+    return pointer if len(pointer) <= _LONG else "…/children/" + pointer.rpartition("/")[2]
 
 
 Check = Callable[[Any], Iterator[Remark | RemarkBatch]]

@@ -13,7 +13,7 @@ from terratool.definition.grid_files import GridSource, LinkedGrid, LinkedSurfac
 from terratool.definition.libraries import path_between
 from terratool.definition.model import CLASS, Pair
 from terratool.definition.part_sizes import Cells, PartSize, PartSizes, SizeLimits
-from terratool.definition.rules.base import Subject, reader_rule, rule
+from terratool.definition.rules.base import Subject, faces_of, reader_rule, rule
 from terratool.definition.tree import ROOT
 from terratool.definition.uses import Root, elements_of
 from terratool.text.display import escape, quote
@@ -139,7 +139,7 @@ def _sources(subject: Subject) -> Iterator[tuple[str, GridSource]]:
         return
     uses = subject.uses
     roots = [] if uses.circles else list(map(uses.part, uses.parts_in_use))
-    used = subject.tree.distinct("type").union(*map(_types, roots))
+    used = subject.tree.shapes.union(*map(_shapes, roots))
     others = sorted(name for name in used - {UNSET} if name in subject.primitives)
     for name in dict.fromkeys([*subject.definition.primitives, *others]):
         primitive = subject.primitives[name]
@@ -147,9 +147,13 @@ def _sources(subject: Subject) -> Iterator[tuple[str, GridSource]]:
             yield name, primitive.grid.source
 
 
-def _types(root: Root) -> set[Any]:
-    """Types of the elements of a part."""
-    return set(map(root.tree.column("type").__getitem__, elements_of(root)))
+def _shapes(root: Root) -> set[Any]:
+    """Primitives of the elements of a part, and of the other faces of these."""
+    tree, own = root.tree, elements_of(root)
+    found = set(map(tree.column("type").__getitem__, own))
+    if tree.has_storeys:
+        found |= {storey.face for storey in map(tree.storey, own) if storey is not UNSET}
+    return found
 
 
 def raster_place(subject: Subject, name: str) -> tuple[str, int]:
@@ -159,8 +163,11 @@ def raster_place(subject: Subject, name: str) -> tuple[str, int]:
     own = subject.tree.column("type")
     if name in own:
         return "/type", own.index(name)
+    for index, pointer, face in faces_of(subject.tree):
+        if face == name:
+            return pointer, index
     uses = subject.uses
-    leading = uses.parts_leading_to(lambda root: name in _types(root))
+    leading = uses.parts_leading_to(lambda root: name in _shapes(root))
     return "/part", next(use.element for use in uses.within(uses.root) if use.part in leading)
 
 
@@ -172,8 +179,8 @@ def grid_aspect(subject: Subject) -> Iterator[Remark]:
     west. Where it says how wide and tall its pixels are, the cell has the proportions of all of
     them. Rasters in degrees are not looked at. A part is looked at in the sizes that it stands in,
     up to 1,000 of these, with 20,000 cells in all. What it has is told of once, in the part; if
-    that is in a library, where the part stands. The raster of a surfaceGrid is looked at likewise,
-    but not in parts.
+    that is in a library, where the part stands. The rasters of a surfaceGrid, an under and a roof
+    are looked at likewise, but not in parts.
 
     Fails:
 
@@ -212,6 +219,10 @@ def grid_aspect(subject: Subject) -> Iterator[Remark]:
         if name in upright:
             raster = _raster_of(name)
             yield from _outside_parts(subject, index, "/type", raster, upright[name])
+    for index, pointer, name in faces_of(tree) if upright else ():
+        if name in upright:
+            raster = _raster_of(name)
+            yield from _outside_parts(subject, index, pointer, raster, upright[name])
     for index, grid in tree.elements_with("surface_grid", _class_grids(subject)):
         source, here = grid.source, "/surfaceGrid/file"
         if source.aspect is None or (source.crs and is_geographic(source.crs)):

@@ -21,7 +21,8 @@ def hidden_element(subject: Subject) -> Iterator[Remark]:
     """The surface of an element is hidden all over, by its children or by its siblings.
 
     Its height still counts, but what it says of soil and colour holds nowhere. An element whose
-    surface a child wears, for want of one of its own, is not called hidden.
+    surface a child wears, for want of one of its own, is not called hidden. Decks and bores hide
+    nothing of what they stand over or are cut through, nor are they hidden by it.
 
     What is reported is surely hidden, but not all that is hidden is reported. The children of an
     element are looked at by themselves, and so are its siblings: the later ones, and those whose
@@ -63,17 +64,17 @@ def hidden_element(subject: Subject) -> Iterator[Remark]:
     """
     tree = subject.tree
     filling = _Filling(subject)
-    if not filling.tiled and not tree.shared_cells:
+    if not filling.tiled and not subject.shared_cells:
         return
     passed_on = _surface_givers(tree)
     for index in sorted(filling.tiled):
         if tree.column("surface")[index] is not UNSET and index not in passed_on:
             yield _remark(tree, index, "its children")
-    sharing = {tree.parents[later] for later, _ in tree.shared_cells}
+    sharing = {tree.parents[later] for later, _ in subject.shared_cells}
     for parent, begin, end in tree.families if sharing else ():
         if parent in sharing:
             for index in _hidden_by_siblings(tree, filling, begin, end):
-                if index not in passed_on and index not in filling.tiled:
+                if index not in passed_on | filling.tiled | subject.storeys:
                     yield _remark(tree, index, "others in its cells")
 
 
@@ -135,8 +136,11 @@ class _Filling:
         spans = tree.distinct("span") != {UNSET}
         for index, begin, end in reversed(tree.families):  # children before parents
             columns, rows = tree.grid(index)
-            if (spans or end - begin >= columns * rows) and self._tiles(
-                range(begin, end), columns, rows
+            many = spans or end - begin >= columns * rows
+            if (
+                many
+                and index not in subject.storeys
+                and self._tiles(range(begin, end), columns, rows)
             ):
                 self.tiled.add(index)
 
@@ -145,6 +149,7 @@ class _Filling:
         """Whether all elements fill their cells."""
         return (
             not self._subject.unfit
+            and not self._subject.storeys
             and self._tree.distinct("type") <= self._square
             and self._tree.distinct("scatter") == {UNSET}
             and all(turn is UNSET or turn % 180 == 0 for turn in self._tree.column("turn_deg"))
@@ -159,6 +164,7 @@ class _Filling:
             self._tree.column("type")[index] in self._square
             and (turn is UNSET or turn % 180 == 0)
             and self._tree.value("scatter", index) is UNSET
+            and index not in self._subject.storeys
             and not self._subject.left_out(index, "turnDeg")
         )
 

@@ -8,7 +8,7 @@ from functools import cached_property
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark, RemarkBatch
-from terratool.definition.rules.base import Subject, rule
+from terratool.definition.rules.base import Subject, faces_of, rule
 from terratool.text.display import escape, only_answer, quote
 from terratool.text.meaning import spelled_like
 
@@ -17,11 +17,12 @@ _LONG = 60
 
 
 @rule("TT201", "unknown-primitive")
-def unknown_primitive(subject: Subject) -> Iterator[RemarkBatch]:
+def unknown_primitive(subject: Subject) -> Iterator[Remark | RemarkBatch]:
     """The type of an element is a name that elemTypes does not have, here or in a library.
 
     Names are case-sensitive. A surface is no primitive, though the paper behind the format prints
-    the surface pebble as a type. While a library is missing, nothing is said.
+    the surface pebble as a type. The under of a deck and the roof of a bore are primitives, too.
+    While a library is missing, nothing is said.
 
     Fails:
 
@@ -51,8 +52,8 @@ def unknown_primitive(subject: Subject) -> Iterator[RemarkBatch]:
     missing = subject.tree.distinct("type") - primitives.keys() - {UNSET}
     hints = NameHints(primitives, "elemTypes")
 
-    def remark(index: int) -> Remark:
-        name = subject.tree.value("type", index)
+    def remark_on(index: int, pointer: str, name: str) -> Remark:
+        is_type = pointer == "/type"
         if name in surfaces:
             message = f"{quote(name)} is a surface, where a primitive belongs."
             hint, fix = f'Write the primitive as "type" and "surface": {quote(name)}.', ""
@@ -61,9 +62,17 @@ def unknown_primitive(subject: Subject) -> Iterator[RemarkBatch]:
             hint, fix = f'Write "part": {quote(name)} in place of "type".', ""
         else:
             message, (hint, fix) = f"no primitive is called {quote(name)}.", hints[name]
-        return Remark("/type", message, hint, element=index, fix=fix)
+            return Remark(pointer, message, hint, element=index, fix=fix)
+        hint = hint if is_type else "Write the name of a primitive."
+        return Remark(pointer, message, hint, element=index, fix=fix)
+
+    def remark(index: int) -> Remark:
+        return remark_on(index, "/type", subject.tree.value("type", index))
 
     yield RemarkBatch([index for index, _ in subject.tree.elements_with("type", missing)], remark)
+    for index, pointer, name in faces_of(subject.tree):
+        if name not in primitives:
+            yield remark_on(index, pointer, name)
 
 
 @rule("TT202", "unknown-surface")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from msgspec import UNSET
 
 from terratool.definition.findings import Remark
-from terratool.definition.model import LARGEST
+from terratool.definition.model import LARGEST, SMALLEST
 from terratool.definition.part_sizes import PLACES
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.rules.names import NameHints
@@ -103,10 +103,10 @@ def part_circle(subject: Subject) -> Iterator[Remark]:
 
 @rule("TT709", "beside-part")
 def beside_part(subject: Subject) -> Iterator[Remark]:
-    """An element with a part has a type, a surfaceGrid, cells or children as well.
+    """An element with a part has a type, a surfaceGrid, a deck, cells or children as well.
 
     The part says what stands there, and what stands on it. Beside it may be the keys of its place,
-    descr, surface, vScale, vOffset and turnDeg.
+    descr, surface, vScale, vOffset and turnDeg. The root of the part may be a deck or a bore.
 
     Fails:
 
@@ -135,8 +135,8 @@ def beside_part(subject: Subject) -> Iterator[Remark]:
         if part is UNSET:
             continue
         for key, name in (
-            ("type", "type"), ("surfaceGrid", "surface_grid"), ("cells", "cells"),
-            ("children", "children"),
+            ("type", "type"), ("surfaceGrid", "surface_grid"), ("deck", "deck"), ("bore", "bore"),
+            ("cells", "cells"), ("children", "children"),
         ):  # fmt: skip
             if tree.value(name, index) is not UNSET:
                 message = f'the element has "{key}" beside "part".'
@@ -192,7 +192,8 @@ def beyond_limits(subject: Subject) -> Iterator[Remark]:
     """The factors of parts in parts, their depth or their sizes go beyond what is computed.
 
     The vScale of an element is a factor on every vScale and vOffset of the part in it, and so on in
-    parts in parts; what comes out may be up to 1e30. Up to 1,000 parts may stand in one another.
+    parts in parts; what comes out may be up to 1e30. The thickness of a deck and the height of a
+    bore, to which it applies as well, stay above 0. Up to 1,000 parts may stand in one another.
     Parts with free places in them may stand in up to 10,000 sizes, with 200,000 cells around these
     places in all; cells of one size in a part count once.
 
@@ -208,6 +209,16 @@ def beyond_limits(subject: Subject) -> Iterator[Remark]:
           },
           "elemTree": {
             "type": "box", "children": [{"cellX": 0, "cellY": 0, "part": "high", "vScale": 1e20}]
+          }
+        }
+
+    Fails:
+
+        {
+          "size": 10, "elemTypes": {"box": {"x": [1]}},
+          "parts": {"shelf": {"type": "box", "vScale": 1, "deck": {"thickness": 0.05}}},
+          "elemTree": {
+            "type": "box", "children": [{"cellX": 0, "cellY": 0, "part": "shelf", "vScale": -1}]
           }
         }
 
@@ -249,8 +260,16 @@ def beyond_limits(subject: Subject) -> Iterator[Remark]:
             f"{PLACES.cells:,} cells in them have sides of their own.",
             "Give the part the same size in more places.",
         )
-    for use, height in uses.tallest():
-        if not height <= LARGEST:  # true for NaN, too
+    for use, bounds in uses.height_bounds():
+        if not bounds.thinnest >= SMALLEST:
+            yield Remark(
+                "/part",
+                f"with the factors of heights here, a deck or a bore in the part {quote(use.part)} "
+                f"would be {bounds.thinnest:.4g} thick.",
+                "Write a larger vScale, here or in the part.",
+                element=use.element,
+            )
+        if not bounds.largest <= LARGEST:  # true for NaN, too
             yield Remark(
                 "/part",
                 f"heights within the part {quote(use.part)} go beyond 1e30 here.",

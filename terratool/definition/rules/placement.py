@@ -8,10 +8,9 @@ from msgspec import UNSET
 
 from terratool.definition.findings import Remark
 from terratool.definition.model import DEFAULT_CELLS
-from terratool.definition.rules.base import Subject, rule
+from terratool.definition.rules.base import Subject, rule, short_pointer
 from terratool.definition.tree import Tree
 
-_LONG = 80
 _AXES = (("cellX", "columns"), ("cellY", "rows"))
 
 
@@ -94,7 +93,7 @@ def shared_cell(subject: Subject) -> Iterator[Remark]:
     """Several siblings stand in one cell, or in blocks that overlap.
 
     Their heights add up, and the later one hides the surface of the earlier. That can be meant; it
-    can also be a slip in cellX or cellY.
+    can also be a slip in cellX or cellY. Decks and bores do neither, and are left out.
 
     Fails:
 
@@ -128,13 +127,10 @@ def shared_cell(subject: Subject) -> Iterator[Remark]:
     TT208 by x-ignore, in the later element or in the parent.
     """
     tree = subject.tree
-    for later, earlier in tree.shared_cells:
-        pointer = tree.pointer(earlier)
-        if len(pointer) > _LONG:
-            pointer = "…/children/" + pointer.rpartition("/")[2]
+    for later, earlier in subject.shared_cells:
         yield Remark(
             "",
-            f"the element shares cells with {pointer}.",
+            f"the element shares cells with {short_pointer(tree, earlier)}.",
             "Move one of them, or make the one a child of the other.",
             element=later,
         )

@@ -10,7 +10,7 @@ from msgspec import UNSET
 from terratool.definition.cell_kinds import cell_kinds, shares_of
 from terratool.definition.findings import Remark
 from terratool.definition.grid_files import LinkedGrid
-from terratool.definition.rules.base import Subject, rule
+from terratool.definition.rules.base import Subject, rule, storeys_of
 from terratool.definition.rules.grids import raster_place
 from terratool.definition.summaries import (
     Range,
@@ -61,8 +61,9 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
     edge of the terrain is no step. Where a turned element is cut off by its cell, the step is taken
     to be as tall as the shape has it anywhere, which can be too much. What stands in a part is
     looked at as if the part covered the terrain, unturned and with the factor 1: TT213 says what is
-    cut off where a part is turned. The heights of rasters are read. Without --max-step nothing is
-    looked at.
+    cut off where a part is turned. Of a deck or bore with datum, whose heights count from 0, the
+    steps inside its curves are looked at alone. The heights of rasters are read. Without --max-step
+    nothing is looked at.
 
     Fails with --max-step 0.15:
 
@@ -106,6 +107,7 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
     tree = subject.tree
     columns = (tree.column(key) for key in ("type", "v_scale", "v_offset", "turn_deg"))
     width, height = subject.definition.extent
+    level = {element for element, _, storey in storeys_of(tree) if storey.datum is True}
     kinds = cell_kinds(tree)
     shares = shares_of(kinds, (width, height))
     for index, (name, scale, offset, turn, kind) in enumerate(zip(*columns, kinds.of, strict=True)):
@@ -123,6 +125,8 @@ def tall_step(subject: Subject) -> Iterator[Remark]:
         ends: tuple[float, ...] = anywhere if moved else edge
         if index == 0 and (radial or not moved):  # the edge of the terrain makes no step
             ends = edge if radial else ()
+        if index in level:
+            ends = ()
         tallest = abs(scale) * step
         for value in ends:
             tallest = max(tallest, abs(scale * value + offset))

@@ -104,11 +104,11 @@ def repeated_point(subject: Subject) -> Iterator[Remark]:
     To mend: remove one of the two points.
     """
     for here, track in _tracks(subject):
-        for index, (point, after) in enumerate(pairwise(track.points), 1):
+        for index, (point, after) in enumerate(pairwise(track.path or ()), 1):
             if point == after:
                 yield Remark(
                     f"{here}/path/{index}",
-                    f"the point [{quote(after[0])}, {quote(after[1])}] stands twice in a row.",
+                    f"the point [{', '.join(map(quote, after))}] stands twice in a row.",
                     "Remove one of the two.",
                 )
 
@@ -239,6 +239,42 @@ def void_track(subject: Subject) -> Iterator[Remark]:
                 f"the surface {quote(str(track.surface))} is void, and a track leaves ground.",
                 "Write a surface that is not void, or leave it out.",
             )
+
+
+@rule("TT607", "mixed-path")
+def mixed_path(subject: Subject) -> Iterator[Remark]:
+    """Some points of a path have a height, and others have none.
+
+    A track of points [x, y] lies on the ground. One of points [x, y, z] lies on the floors that are
+    nearest to these heights, such as the deck of a bridge.
+
+    Fails:
+
+        {
+          "size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"},
+          "tracks": [{"path": [[1, 2, 1], [8, 2]], "width": 0.2, "depth": 0.05}]
+        }
+
+    Passes:
+
+        {
+          "size": 10, "elemTypes": {"box": {"x": [1]}}, "elemTree": {"type": "box"},
+          "tracks": [{"path": [[1, 2, 1], [8, 2, 1]], "width": 0.2, "depth": 0.05}]
+        }
+
+    To mend: give all points a z, or none.
+    """
+    for here, track in _tracks(subject):
+        path = () if track.path is UNSET else track.path
+        for index, point in enumerate(path):
+            if len(point) != len(path[0]):
+                has = "a z" if len(point) > len(path[0]) else "no z"
+                yield Remark(
+                    f"{here}/path/{index}",
+                    f"the point has {has}, unlike the first one.",
+                    "Write all points as [x, y], or all as [x, y, z].",
+                )
+                break
 
 
 def _tracks(subject: Subject) -> Iterator[tuple[str, Track]]:

@@ -18,7 +18,7 @@ from terratool.definition.curves import GridShape, problems, shape_of
 from terratool.definition.exact import Sides, sides
 from terratool.definition.findings import Remark, RemarkBatch
 from terratool.definition.libraries import path_between
-from terratool.definition.model import Primitive
+from terratool.definition.model import STOREYS, Primitive
 from terratool.definition.part_sizes import Cells, PartSize, PartSizes, SizeLimits, is_free
 from terratool.definition.rules.base import Subject, rule
 from terratool.definition.summaries import combine_values, curve_values
@@ -94,6 +94,12 @@ def _in_sight(subject: Subject) -> Iterator[RemarkBatch]:
     if tree.distinct("surface_grid") != {UNSET}:
         pairs = zip(columns[2], tree.column("surface_grid"), strict=True)
         columns[2] = [own if own is not UNSET else classes for own, classes in pairs]
+    if tree.has_storeys:  # what is cut off a storey is a gap, however high it is there
+        storeys = map(tree.storey, range(len(tree)))
+        columns[2] = [
+            own if own is not UNSET else storey
+            for own, storey in zip(columns[2], storeys, strict=True)
+        ]
     flat = map(eq, map(tree.column("v_scale").__getitem__, found), repeat(0))
     # one verdict for each combination, looked up at the speed of C
     looks = zip(
@@ -304,7 +310,7 @@ def _group_elements(subject: Subject, cells: Cells) -> Iterator[tuple[int, _Trim
 def _may_be_bare(tree: Tree, index: int) -> bool:
     """Whether an element adds nothing where its shape is 0: neither surface nor offset."""
     offset = tree.value("v_offset", index)
-    given = {tree.value(key, index) for key in ("surface", "surface_grid")} != {UNSET}
+    given = {tree.value(key, index) for key in ("surface", "surface_grid", *STOREYS)} != {UNSET}
     return not given and (offset is UNSET or offset == 0)
 
 

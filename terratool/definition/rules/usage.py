@@ -15,8 +15,9 @@ from terratool.text.display import escape, quote
 def unused_primitive(subject: Subject) -> Iterator[Remark]:
     """A primitive is used by no element.
 
-    It may be a leftover, or the element that should use it names another. While the type of some
-    element is unknown (TT201), nothing is said, as this one may be meant there.
+    It may be a leftover, or the element that should use it names another. Elements use primitives
+    as their type, and as the under or roof of a deck or a bore. While one of these names is unknown
+    (TT201), nothing is said, as this one may be meant there.
 
     Fails:
 
@@ -32,7 +33,7 @@ def unused_primitive(subject: Subject) -> Iterator[Remark]:
 
     To mend: remove it, or use it.
     """
-    used = subject.tree.distinct("type") - {UNSET}
+    used = subject.tree.shapes - {UNSET}
     if subject.is_library or not used or used - subject.primitives.keys():
         return
     for name in subject.definition.primitives:
@@ -72,7 +73,7 @@ def unused_surface(subject: Subject) -> Iterator[Remark]:
     used -= {UNSET}
     if subject.is_library or used - subject.surfaces.keys():
         return
-    used |= subject.tree.distinct("type")  # names in the wrong place, as TT201 reports
+    used |= subject.tree.shapes  # names in the wrong place, as TT201 reports
     for name in subject.definition.surfaces:
         if name not in used:
             message = f"no element wears the surface {quote(name)}."

@@ -153,7 +153,7 @@ def remarks(into: PrimitiveTarget, imported: ImportedPrimitive) -> list[str]:
 
     t = (np.arange(_ASKED) + 0.5) / _ASKED
     x, y = west + t[None] * width, south + t[:, None] * height
-    z = Terrain(into.target.checked, roughness=False).height(x, y)
+    z = Terrain(into.target.checked, roughness=False).ground_alone.height(x, y)
     z = z[~np.isnan(z)]
     if z.size and (z != 0.0).any():
         found.append(

@@ -99,7 +99,7 @@ def diff(
         what = count_of(texts.places, "place")
         notes.append(f"It is written otherwise in {what}, and means the same to the last bit.")
         texts, differs = TextDifference(structs.replace(texts.entries, changes=())), False
-    bounds = common_bounds(old.terrain, new.terrain, options.bounds)
+    bounds = common_bounds(old.ground, new.ground, options.bounds)
     ground: GroundChange | None = None
     verdicts: tuple[VerdictChange, ...] = ()
     both: Both | None = None
@@ -109,7 +109,12 @@ def diff(
         notes.append("The ground is not compared, as the two have different reference systems.")
     else:
         regions: Any = None if options.everywhere else _regions(old, new, texts, bool(frame))
-        both = Both(old.terrain, new.terrain, bounds, regions, texts.entries.names.surfaces)
+        both = Both(old.ground, new.ground, bounds, regions, texts.entries.names.surfaces)
+    notes += [
+        f"{which} terrain: {sentence}"
+        for which, side in (("Old", old), ("New", new))
+        for sentence in side.ground.hidden
+    ]
     if differs and both is not None:
         if progress is not None:
             progress.say("comparing the ground")
@@ -117,7 +122,7 @@ def diff(
         ground = _with_outside(ground, both, options.bounds)
         verdicts = tuple(
             compare_verdicts(
-                old.terrain, new.terrain, vehicle, bounds=both.bounds,
+                old.ground, new.ground, vehicle, bounds=both.bounds,
                 resolution=options.resolution, progress=progress,
             )
             for vehicle in options.vehicles
@@ -180,7 +185,19 @@ def _is_one_field(old: DiffSide, new: DiffSide) -> bool:
         for side in (old, new)
     )
     first, second = surfaces
-    return bool(first == second) and _equal(tuple(before.arrays), tuple(after.arrays))
+    return bool(first == second) and _equal(_arrays_of(before), _arrays_of(after))
+
+
+def _arrays_of(terrain: Terrain) -> tuple[Any, ...]:
+    """All that makes the ground of a terrain, and its decks and bores."""
+    storeys = terrain.storeys
+    if storeys is None:
+        return tuple(terrain.arrays)
+    return (
+        *terrain.arrays, *storeys.table,
+        *((sheet.is_bore, sheet.top.surfaces, sheet.storeys, sheet.faced, *sheet.top.arrays,
+           *sheet.face.arrays) for sheet in storeys.sheets),
+    )  # fmt: skip
 
 
 def _equal(one: Any, other: Any) -> bool:

@@ -14,14 +14,15 @@ from typing import Any, NamedTuple
 
 from msgspec import UNSET, Struct, field
 
-from terratool.definition.model import pair_of
+from terratool.definition.keys import SLOTS
+from terratool.definition.model import STOREYS, pair_of
 from terratool.definition.tree import Tree
 from terratool.definition.uses import Root
 from terratool.viewing.diff.matching import MANY_PAIRS, Matching, Sibling, common
 from terratool.viewing.diff.places import ComparedPlace, overlap, round_box, within_cell
 from terratool.viewing.diff.results import ChangeKind, KeyChange, Pair
 from terratool.viewing.diff.sides import DiffSide
-from terratool.viewing.diff.signed import NewNames, SignedTree, as_written, class_key
+from terratool.viewing.diff.signed import NewNames, SignedTree, as_written, class_key, storey_key
 
 
 class RawChange(NamedTuple):
@@ -228,6 +229,10 @@ class TreeComparison(Struct, frozen=True):
             was, now = map(_classes_text, classes)
             now += ", other classes" if was == now else ""
             yield KeyChange("surfaceGrid", was, now)
+        for key in STOREYS:
+            storeys = old.value(key, a), new.value(key, b)
+            if storey_key(storeys[0], names.primitives) != storey_key(storeys[1], {}):
+                yield KeyChange(key, *map(_storey_text, storeys))
         yield from self._scales(a, at, b, bt)
         for key, attribute in ("vOffset", "v_offset"), ("turnDeg", "turn_deg"):
             was, now = (
@@ -449,6 +454,19 @@ def _number(value: float) -> str:
 
 def _text(value: Any, absent: str = "none") -> str:
     return absent if value is UNSET or value is None else str(value)
+
+
+def _storey_text(storey: Any) -> str:
+    """Keys of a deck or a bore and their values; `UNSET` is none."""
+    if storey is UNSET:
+        return "none"
+    given = [(key, getattr(storey, slot.name)) for key, slot in SLOTS[type(storey)].items()]
+    words = [
+        key if value is True else f"{key} {value if isinstance(value, str) else _number(value)}"
+        for key, value in given
+        if value is not UNSET and value is not False
+    ]
+    return ", ".join(words)
 
 
 def _classes_text(grid: Any) -> str:

@@ -155,11 +155,11 @@ def _places(side: DiffSide, attribute: str, name: str) -> Iterator[str]:
     found = 0
     for _, root in side.roots():
         tree = root.tree
-        if name not in (tree.worn if attribute == "surface" else tree.distinct(attribute)):
+        has = tree.wears if attribute == "surface" else tree.has_shape
+        if name not in (tree.worn if attribute == "surface" else tree.shapes):
             continue
         for index in elements_of(root):
-            by_class = attribute == "surface" and tree.wears(index, {name})
-            if by_class or tree.value(attribute, index) == name:
+            if has(index, {name}):
                 yield side.pointer(root, index)
                 found += 1
                 if found == _NAMED:

@@ -44,29 +44,29 @@ def users(
             tree = root.tree
             if any(
                 tree.value("part", index) in parts
-                or tree.value("type", index) in primitives
+                or tree.has_shape(index, primitives)
                 or tree.wears(index, surfaces)
                 for index in elements_of(root)
             ):
                 parts.add(name)
                 grows = True
     tree = side.uses.root.tree
-    wanted = (("type", primitives), ("part", parts))
-    if not tree.worn & surfaces and not any(tree.distinct(key) & names for key, names in wanted):
+    known = (tree.worn, surfaces), (tree.shapes, primitives), (tree.distinct("part"), parts)
+    if not any(used & names for used, names in known):
         return iter(())
     if side.uses.root.element != 0 or len(tree) > MOST_ELEMENTS:
         return None
-    return _users(side, surfaces, wanted)
+    return _users(side, surfaces, primitives, parts)
 
 
 def _users(
-    side: DiffSide, surfaces: set[str], wanted: Sequence[tuple[str, set[str]]]
+    side: DiffSide, surfaces: set[str], primitives: set[str], parts: set[str]
 ) -> Iterator[Bounds]:
     tree = side.uses.root.tree
     pending = [(0, ComparedPlace(side.terrain.bounds, None, None))]
     while pending:
         index, at = pending.pop()
-        named = any(tree.value(key, index) in names for key, names in wanted)
+        named = tree.has_shape(index, primitives) or tree.value("part", index) in parts
         if named or tree.wears(index, surfaces):
             yield reach_of(tree, index, at)
             continue  # its children lie in its rectangle

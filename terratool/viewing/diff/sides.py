@@ -30,6 +30,11 @@ class DiffSide(Struct, frozen=True, dict=True):
     terrain: Terrain
 
     @property
+    def ground(self) -> Terrain:
+        """The terrain without its storeys."""
+        return self.terrain.ground_alone
+
+    @property
     def name(self) -> str:
         """Name of the file."""
         return self.checked.name

@@ -10,7 +10,7 @@ from msgspec import UNSET, Struct
 
 from terratool.definition.curves import GridShape
 from terratool.definition.grid_files import LinkedSurfaceGrid
-from terratool.definition.model import pair_of
+from terratool.definition.model import STOREYS, pair_of
 from terratool.definition.tree import Tree
 from terratool.field.rasters import grid_digest
 
@@ -60,6 +60,7 @@ class SignedTree:
                     "turn_deg",
                     "scatter",
                     "surface_grid",
+                    *STOREYS,
                 )
             ),
             strict=True,
@@ -74,8 +75,9 @@ class SignedTree:
                 0.0 if turn is UNSET else math.fmod(turn, 360.0),
                 scatter,
                 class_key(classes, surfaces),
+                *(storey_key(one, primitives) for one in storeys),
             )
-            for type_, part, surface, scale, offset, turn, scatter, classes in columns
+            for type_, part, surface, scale, offset, turn, scatter, classes, *storeys in columns
         ]
         self.place: list[Hashable] = [None] * size
         for parent, begin, end in tree.families:
@@ -121,6 +123,22 @@ def class_key(grid: Any, surfaces: Mapping[str, str]) -> Hashable:
         return UNSET
     names = frozenset((number, surfaces.get(name, name)) for number, name in grid.names.items())
     return grid_digest(GridShape((), "pixel", grid.source)), names
+
+
+def storey_key(storey: Any, primitives: Mapping[str, str]) -> Hashable:
+    """Key of a deck or a bore, equal for those that mean the same, or `UNSET`.
+
+    Args:
+        storey: value of `deck` or `bore`.
+        primitives: new names of renamed primitives, by their old names.
+    """
+    key: Hashable = UNSET
+    if storey is not UNSET:
+        face = primitives.get(storey.face, storey.face)
+        scale = 1.0 if storey.v_scale is UNSET else storey.v_scale
+        offset = 0.0 if storey.v_offset is UNSET else storey.v_offset
+        key = storey.gap, face, scale, offset, storey.datum is True
+    return key
 
 
 def place_of(tree: Tree, index: int, grid: tuple[int, int]) -> Hashable:

@@ -596,6 +596,7 @@
     ];
     if (told.wall_offset > told.steps[0]) rows.push(["walls of discs and ruts within", `${short(told.wall_offset)} m`]);
     if (told.left_out) rows.push(["left out", `${counted(told.left_out, "element")}; heights change by up to ${short(told.change)} m`]);
+    for (const sentence of told.hidden) rows.push(["not shown", sentence]);
     if (told.grid) {
       const [down, across, step] = told.grid;
       rows.push(["drawn from", `a grid of ${down.toLocaleString("en")} × ${across.toLocaleString("en")} heights, as there is too much for a mesh. Walls are as wide as a step: ${short(step)} m`]);
