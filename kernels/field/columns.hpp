@@ -221,7 +221,7 @@ public:
     // Put the storey of a sheet at a point into a column, if there is one.
     void put_sheet(Column& column, const Sheet& sheet, double x, double y) {
         if (!is_inside(sheet.tops->bounds, x, y)) return;
-        Found found = descend<sloped>(*sheet.tops, x, y, stack_);
+        Found found = found_at<sloped>(*sheet.tops, x, y, stack_);
         if (found.top < 0 || sheet.storeys[found.top] < 0) return;
         Worn worn = worn_of(*sheet.tops, found);
         put_top(column, sheet, x, y, {found.z, found.top, worn, found.slope_x, found.slope_y});
@@ -234,7 +234,7 @@ public:
         double gap = table.gaps[storey], own = found.z;
         // where the storey's own element is the top one, no other is added to it
         if (isnan(gap) || sheet.numbers[found.top] != table.numbers[storey]) {
-            Found face = descend<false>(*sheet.faces, x, y, stack_);
+            Found face = found_at<false>(*sheet.faces, x, y, stack_);
             if (face.top < 0 || sheet.faced[face.top] != storey) return;  // beside its footprint
             own = face.z;
         }

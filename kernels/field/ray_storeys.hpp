@@ -39,7 +39,7 @@ public:
     Gradient face_slopes(double x, double y, i64 element) {
         const auto& numbers = storeys_.table.numbers;
         for (const Sheet& sheet : storeys_.sheets) {
-            Found found = descend<true>(*sheet.faces, x, y, sheet_stack_);
+            Found found = found_at<true>(*sheet.faces, x, y, sheet_stack_);
             i32 storey = found.top < 0 ? -1 : sheet.faced[found.top];
             if (storey >= 0 && numbers[storey] == element) return {found.slope_x, found.slope_y};
         }
@@ -67,7 +67,7 @@ private:
     void begin(double x, double y) {
         ground_ = {NaN};
         if (is_inside(field_.bounds, x, y)) {
-            Found found = descend<true>(field_, x, y, stack_);
+            Found found = found_at<true>(field_, x, y, stack_);
             Worn worn = worn_of(field_, found);
             double z = worn.is_void ? NaN : found.z;
             ground_ = {z, found.top, i32(worn.surface), -1, found.slope_x, found.slope_y};
