@@ -28,6 +28,12 @@ Line = tuple[float, float, float, float]
 """World x and y of the first end of a line, and of the last."""
 
 
+def line_length(line: Line) -> float:
+    """Length of a line, seen from above, world units."""
+    x0, y0, x1, y1 = line
+    return math.hypot(x1 - x0, y1 - y0)
+
+
 @dataclass(frozen=True, slots=True)
 class RenderOptions:
     """Options of a picture.

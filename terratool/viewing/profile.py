@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +12,7 @@ from terratool.errors import RequestError
 from terratool.field.bounds import finest_details
 from terratool.field.terrain import Terrain
 from terratool.report.numbers import coordinates
-from terratool.viewing.options import Line
+from terratool.viewing.options import Line, line_length
 
 EVEN = 8192
 """Number of even stretches of the line whose ends are sampled."""
@@ -60,8 +59,7 @@ class Section:
     @property
     def length(self) -> float:
         """Length of the line, seen from above, world units."""
-        x0, y0, x1, y1 = self.line
-        return math.hypot(x1 - x0, y1 - y0)
+        return line_length(self.line)
 
     @property
     def heights(self) -> tuple[float, float]:
@@ -103,6 +101,13 @@ def no_ground(line: Line) -> RequestError:
     )
 
 
+def least_wall(heights: Floats, length: float) -> tuple[float, float]:
+    """Range of the heights along a line, NaN for none, and the least height of a wall on it."""
+    span = float(np.nanmax(heights) - np.nanmin(heights))
+    rounding = float(np.spacing(np.nanmax(np.abs(heights))))
+    return span, LEVEL * max(span, 1e-6 * length, rounding)
+
+
 def section(terrain: Terrain, line: Line) -> Section:
     """Sample the ground along a line, with every wall that it crosses.
 
@@ -118,17 +123,15 @@ def section(terrain: Terrain, line: Line) -> Section:
     Raises:
         RequestError: none of the line is on the terrain, or no ground is.
     """
-    x0, y0, x1, y1 = line
-    length = math.hypot(x1 - x0, y1 - y0)
-    probe = LineProbe(terrain, line, length)
+    length = line_length(line)
+    probe = LineProbe(terrain, line)
     inside = np.array(check_section(line, terrain.bounds))
-    places = first_distances(terrain, line, length)
+    places = first_distances(terrain, line)
     places = np.unique(np.concatenate([places, inside * length]))
     heights = probe.heights(places)
     if np.isnan(heights).all():
         raise no_ground(line)
-    span = float(np.nanmax(heights) - np.nanmin(heights))
-    level = LEVEL * max(span, 1e-6 * length, float(np.spacing(np.nanmax(np.abs(heights)))))
+    span, level = least_wall(heights, length)
     low, high = find_jumps(probe, places, level)
     # both sides of each wall, and of each end of the ground
     places = np.unique(np.concatenate([places, low, high]))
@@ -154,17 +157,13 @@ class _LineSamples:
 
 
 class LineProbe:
-    """A probe of the terrain at distances along a line, world units from its first end.
+    """A probe of the terrain at distances along a line, world units from its first end."""
 
-    Attributes:
-        length: length of the line, world units.
-    """
-
-    def __init__(self, terrain: Terrain, line: Line, length: float) -> None:
+    def __init__(self, terrain: Terrain, line: Line) -> None:
         self._terrain, self._line = terrain, line
         x0, y0, x1, y1 = line
-        self._along = (x1 - x0) / length, (y1 - y0) / length
-        self.length = length
+        self.length = line_length(line)
+        self._along = (x1 - x0) / self.length, (y1 - y0) / self.length
 
     def points(self, distance: Floats) -> tuple[Floats, Floats]:
         """World x and y at distances; the line's last end is exact to the last bit."""
@@ -212,8 +211,9 @@ def _crossings(line: Line, rectangles: Floats) -> Floats:
     return np.stack([enter, leave])
 
 
-def first_distances(terrain: Terrain, line: Line, length: float) -> Floats:
+def first_distances(terrain: Terrain, line: Line) -> Floats:
     """Distances of the first samples, rising."""
+    length = line_length(line)
     found = [np.linspace(0.0, length, EVEN + 1)]
     whole = terrain.written_out_or_none
     if whole is not None:

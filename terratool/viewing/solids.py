@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 
 from terratool.field.storeys import Storeys
 from terratool.field.terrain import Terrain
-from terratool.viewing.options import Line
+from terratool.viewing.options import Line, line_length
 from terratool.viewing.profile import (
     HALVINGS,
-    LEVEL,
     ROUNDS,
     SHAPE,
     LineProbe,
     check_section,
     find_jumps,
     first_distances,
+    least_wall,
     no_ground,
     shape_points,
 )
@@ -64,8 +64,7 @@ class SolidSection:
     @property
     def length(self) -> float:
         """Length of the line, seen from above, world units."""
-        x0, y0, x1, y1 = self.line
-        return math.hypot(x1 - x0, y1 - y0)
+        return line_length(self.line)
 
     @property
     def heights(self) -> tuple[float, float]:
@@ -147,21 +146,19 @@ def solid_section(terrain: Terrain, storeys: Storeys, line: Line) -> SolidSectio
     Raises:
         RequestError: none of the line is on the terrain, or nothing on it is solid.
     """
-    x0, y0, x1, y1 = line
-    length = math.hypot(x1 - x0, y1 - y0)
+    length = line_length(line)
     inside = np.array(check_section(line, terrain.bounds))
     faces: list[Terrain] = [terrain.ground_alone]
     for sheet in storeys.sheets:
         faces += [sheet.top, sheet.face]
-    every = [first_distances(face, line, length) for face in faces]
+    every = [first_distances(face, line) for face in faces]
     places = np.unique(np.concatenate([*every, inside * length]))
-    probe = _Probe(terrain, LineProbe(terrain, line, length), 1 + len(storeys.sheets))
+    probe = _Probe(terrain, LineProbe(terrain, line), 1 + len(storeys.sheets))
     tops = probe.at(places).top
     if np.isnan(tops).all():
         raise no_ground(line)
-    span = float(np.nanmax(tops) - np.nanmin(tops))
-    level = LEVEL * max(span, 1e-6 * length, float(np.spacing(np.nanmax(np.abs(tops)))))
-    steps = [find_jumps(LineProbe(face, line, length), places, level) for face in faces]
+    span, level = least_wall(tops, length)
+    steps = [find_jumps(LineProbe(face, line), places, level) for face in faces]
     places = np.unique(np.concatenate([places, *(end for ends in steps for end in ends)]))
     places = _with_changes(probe, places)
     columns = probe.at(places)
