@@ -104,9 +104,6 @@ struct StoreyRules {
     }
 };
 
-// Numbers of elements of storeys begin here, as in Python.
-constexpr i64 FIRST_STOREY = i64(3) << 61;
-
 // What is at a place: nothing, over ground or over a void; the ground, or what else is solid.
 enum Matter : u8 { AIR, OVER_VOID, GROUND, SOLID };
 
