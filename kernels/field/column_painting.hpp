@@ -41,7 +41,6 @@ constexpr i64 GROUND_BAND = 0, CLEARANCE_BAND = 1, COUNT_BAND = 2, FIRST_BAND = 
 
 // Faces so close to one another, as a share of their height, are left to the descents.
 constexpr double DOUBT = 1e-9;
-constexpr u64 STOREY_KEY = u64(3) << 61;
 
 // Canvas for the tops or other faces of sheets: elements in place of surfaces, and each edge may be
 // a wall.
@@ -281,8 +280,8 @@ private:
                     continue;
                 }
                 if (plain && direct) {  // a gap that is NaN is not put
-                    double face = sheet.is_bore ? z + table.gaps[storey] : z - table.gaps[storey];
-                    i32 worn = kind.surface == sheet.bare ? -1 : i32(kind.surface);
+                    double face = sheet.beyond(z, table.gaps[storey]);
+                    i32 worn = sheet.surface_of(kind.surface);
                     if (put_alone(ground, voids, sheet.is_bore, {z, 0, worn, storey}, face, r, c))
                         continue;
                 }
@@ -305,12 +304,10 @@ private:
                     -1,
                     i32(k),
                     storey,
-                    kind.surface == sheet.bare ? -1 : i32(kind.surface),
+                    sheet.surface_of(kind.surface),
                     canvas.labels.exists() ? canvas.labels(r, c) : 0,
                     kind.is_void ? -INF : z,
-                    isnan(gap)          ? own
-                        : sheet.is_bore ? own + gap
-                                        : own - gap,
+                    isnan(gap) ? own : sheet.beyond(own, gap),
                     sloped ? canvas.slope_x(r, c) : 0.0,
                     sloped ? canvas.slope_y(r, c) : 0.0
                 };
@@ -329,11 +326,10 @@ private:
         i64 r, i64 c
     ) {
         double z = canvas.heights(r, c);
-        // also where there is no other face
-        bool clear = abs(top.z - z) > DOUBT * (1.0 + abs(z))
-            && abs(face - z) > DOUBT * (1.0 + abs(z))
-            && abs(top.z - face) > DOUBT * (1.0 + abs(face));
-        if (!clear || voids[canvas.surfaces(r, c)]) return false;
+        // where there is no ground, or no other face, that is left to columns
+        bool close = isnan(z) || isnan(face) || is_close(z, top.z) || is_close(z, face)
+            || is_close(face, top.z);
+        if (close || voids[canvas.surfaces(r, c)]) return false;
         bool shown = is_bore ? top.z < z && z < face : top.z > z && top.z > face;
         if (!shown) return true;
         canvas.heights(r, c) = top.z;
@@ -411,7 +407,7 @@ private:
 
     u32 label_of(const Face& top, u32 painted) const {
         u32 tracked = has_tracks(field_) ? hash32(std::bit_cast<u64>(top.z)) : 0;
-        return painted + hash32(STOREY_KEY + u64(top.storey)) + tracked;
+        return painted + hash32(u64(FIRST_STOREY + top.storey)) + tracked;
     }
 };
 

@@ -12,6 +12,9 @@
 
 namespace terratool {
 
+// Numbers of elements of storeys begin here, as in Python.
+constexpr i64 FIRST_STOREY = i64(3) << 61;
+
 // Storeys that share no point. Numbers of storeys are -1 for elements that belong to none.
 struct Sheet {
     const Field* tops;
@@ -21,6 +24,11 @@ struct Sheet {
     Span<const i32> faced;    // storey of each element of `faces`
     bool is_bore;
     i64 bare;  // index of the surface of what has none
+
+    // The terrain's index of a surface of a top; -1 for none.
+    INLINE i32 surface_of(i64 worn) const { return worn == bare ? -1 : i32(worn); }
+    // The other face of a storey whose own element has a height, by the gap between both.
+    INLINE double beyond(double own, double gap) const { return is_bore ? own + gap : own - gap; }
 };
 
 // Decks and bores by their numbers.
@@ -221,7 +229,7 @@ public:
     // Put the storey of a sheet at a point into a column, if there is one.
     void put_sheet(Column& column, const Sheet& sheet, double x, double y) {
         if (!is_inside(sheet.tops->bounds, x, y)) return;
-        Found found = descend<sloped>(*sheet.tops, x, y, stack_);
+        Found found = found_at<sloped>(*sheet.tops, x, y, stack_);
         if (found.top < 0 || sheet.storeys[found.top] < 0) return;
         Worn worn = worn_of(*sheet.tops, found);
         put_top(column, sheet, x, y, {found.z, found.top, worn, found.slope_x, found.slope_y});
@@ -234,16 +242,16 @@ public:
         double gap = table.gaps[storey], own = found.z;
         // where the storey's own element is the top one, no other is added to it
         if (isnan(gap) || sheet.numbers[found.top] != table.numbers[storey]) {
-            Found face = descend<false>(*sheet.faces, x, y, stack_);
+            Found face = found_at<false>(*sheet.faces, x, y, stack_);
             if (face.top < 0 || sheet.faced[face.top] != storey) return;  // beside its footprint
             own = face.z;
         }
         if (isnan(own)) return;
-        double other = isnan(gap) ? own : sheet.is_bore ? own + gap : own - gap;
+        double other = isnan(gap) ? own : sheet.beyond(own, gap);
         bool is_void = found.worn.is_void || isnan(found.z);
         F top{is_void ? -INF : found.z}, face{other};
         if constexpr (sloped) {
-            i32 surface = found.worn.surface == sheet.bare ? -1 : i32(found.worn.surface);
+            i32 surface = sheet.surface_of(found.worn.surface);
             top = {top.z, sheet.numbers[found.top], surface, storey, found.slope_x, found.slope_y};
             face = {other, table.numbers[storey], table.surface[storey], storey};
         }

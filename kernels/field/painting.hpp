@@ -607,7 +607,7 @@ private:
 // What a descent finds at a point of any field.
 template <class Id>
 Found find_elements(const Field& field, double x, double y, Canvas<Id>& canvas) {
-    if (!is_shared(field)) return descend<true>(field, x, y, canvas.stack);
+    if (!is_shared(field)) return found_at<true>(field, x, y, canvas.stack);
     SharedDescent<true> found(field, x, y, canvas.shared_stack);
     return {found.z, found.top.element, found.slope_x, found.slope_y, found.top.pixel};
 }

@@ -476,6 +476,12 @@ INLINE Found descend(const Field& field, double x, double y, Stack& stack, Begun
     }
 }
 
+// The same for where few points are asked: a function of its own is compiled once in each file.
+template <bool sloped>
+NEVER_INLINE Found found_at(const Field& field, double x, double y, Stack& stack) {
+    return descend<sloped>(field, x, y, stack);
+}
+
 // Whether a point is on the terrain, its edges included.
 INLINE bool is_inside(In bounds, double x, double y) {
     return bounds[0] <= x && x <= bounds[2] && bounds[1] <= y && y <= bounds[3];

@@ -39,7 +39,7 @@ public:
     Gradient face_slopes(double x, double y, i64 element) {
         const auto& numbers = storeys_.table.numbers;
         for (const Sheet& sheet : storeys_.sheets) {
-            Found found = descend<true>(*sheet.faces, x, y, sheet_stack_);
+            Found found = found_at<true>(*sheet.faces, x, y, sheet_stack_);
             i32 storey = found.top < 0 ? -1 : sheet.faced[found.top];
             if (storey >= 0 && numbers[storey] == element) return {found.slope_x, found.slope_y};
         }
@@ -67,7 +67,7 @@ private:
     void begin(double x, double y) {
         ground_ = {NaN};
         if (is_inside(field_.bounds, x, y)) {
-            Found found = descend<true>(field_, x, y, stack_);
+            Found found = found_at<true>(field_, x, y, stack_);
             Worn worn = worn_of(field_, found);
             double z = worn.is_void ? NaN : found.z;
             ground_ = {z, found.top, i32(worn.surface), -1, found.slope_x, found.slope_y};
@@ -103,9 +103,6 @@ struct StoreyRules {
         });
     }
 };
-
-// Numbers of elements of storeys begin here, as in Python.
-constexpr i64 FIRST_STOREY = i64(3) << 61;
 
 // What is at a place: nothing, over ground or over a void; the ground, or what else is solid.
 enum Matter : u8 { AIR, OVER_VOID, GROUND, SOLID };

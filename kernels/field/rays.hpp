@@ -130,7 +130,7 @@ private:
     // Straight up or down; the height is that of any query.
     Hit cast_upright(double most) {
         if (!is_inside(field_.bounds, ray_->x, ray_->y)) return hit_;
-        Found found = descend<true>(field_, ray_->x, ray_->y, stack_);
+        Found found = found_at<true>(field_, ray_->x, ray_->y, stack_);
         Worn worn = worn_of(field_, found);
         if (worn.is_void) return hit_;
         Ground<true> ground(field_, found.z, worn.surface, ray_->x, ray_->y);
@@ -516,7 +516,7 @@ private:
     i64 top_before() {
         if (top_ != UNKNOWN) return top_;
         auto [x, y] = beside(-1.0);
-        Found found = descend<false>(field_, x, y, stack_);
+        Found found = found_at<false>(field_, x, y, stack_);
         if (!has_tracks(field_)) return found.top;
         i64 track = rut_at(field_.tracks, x, y, worn_of(field_, found).surface).surface_track;
         return track < 0 ? found.top : count_of(field_.elements) + track;

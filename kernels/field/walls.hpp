@@ -237,7 +237,7 @@ private:
         double x = along_x ? at : fixed, y = along_x ? fixed : at;
         if (!is_inside(field_.bounds, x, y)) return {NaN, NaN};
         if (auto top = top_at(x, y)) return {top->z, along_x ? top->slope_x : top->slope_y};
-        Found found = descend<true>(field_, x, y, canvas_.stack);
+        Found found = found_at<true>(field_, x, y, canvas_.stack);
         Worn worn = worn_of(field_, found);
         if (worn.is_void) return {NaN, NaN};
         double slope = along_x ? found.slope_x : found.slope_y;

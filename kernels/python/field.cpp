@@ -4,6 +4,7 @@
 #include "../field/layout.hpp"
 #include "../field/sharing.hpp"
 #include "../field/tracks.hpp"
+#include "columns.hpp"
 #include "modules.hpp"
 
 namespace terratool::python {
@@ -258,6 +259,22 @@ void bind_field(nb::module_ m) {
     def<&segment_holds>(
         m, "segment_holds", "Whether a segment of a track holds points.",
         {"segment[1]", "x[n]", "y[n]", "out[n]"}
+    );
+
+    nb::class_<KeptStoreys>(m, "Storeys", "Decks and bores of a field, in sheets.")
+        .def(nb::init<nb::handle, nb::handle, nb::handle>(), "sheets"_a, "table"_a, "lattice"_a);
+    def<&near_storeys>(
+        m, "near_storeys", "Whether storeys may be at points.",
+        {"storeys", "x[n]", "y[n]", "out[n]"}
+    );
+    def<&top_heights>(
+        m, "top_heights",
+        "Put the highest tops, or those not above some heights, in place of the bare ground.",
+        {"storeys", "x[n]", "y[n]", "?below[n]", "height[n]"}
+    );
+    def<&columns>(
+        m, "columns", "Intervals of heights at points, from below.",
+        {"storeys", "field", "x[n]", "y[n]", "ground", "first_track", "out"}
     );
 }
 

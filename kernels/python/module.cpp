@@ -12,8 +12,6 @@ NB_MODULE(_kernels, m) {
     bind_painting(field);
     bind_walls(field);
     bind_rays(field);
-    bind_columns(field);
-    bind_ray_storeys(field);
     bind_importing(m.def_submodule("importing"));
     bind_mesh(m.def_submodule("mesh"));
     bind_raster(m.def_submodule("raster"));

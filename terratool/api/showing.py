@@ -94,7 +94,7 @@ class ShownTerrain(Terrain):
         from terratool.viewing.render import png_of
 
         try:
-            return png_of(self.ground_alone, _small())
+            return png_of(self, _small())
         except RequestError:
             return None
 

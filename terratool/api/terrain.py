@@ -288,9 +288,10 @@ class UserTerrain(ShownTerrain):
 
         wanted = fill(RenderOptions, options)
         refuse_idle(options.keys(), wanted.perspective)
+        terrain = self if wanted.has_storeys else self.ground_only()
         if path is None:
-            return figure_of(self.ground_only(), wanted)
-        return render(self.ground_only(), path, wanted, overwrite=overwrite)
+            return figure_of(terrain, wanted)
+        return render(terrain, path, wanted, overwrite=overwrite)
 
     @takes(PageOptions, without=("live",))
     def view(

@@ -24,7 +24,8 @@ from terratool.report.documents import Document
 
 # equal to those of terratool.viewing.layers, which is not imported for --help; a test checks
 LAYERS = (
-    "height", "slope", "surface", "friction", "traversability", "traversability-worst", "foothold",
+    "height", "slope", "surface", "friction", "clearance", "storeys", "traversability",
+    "traversability-worst", "foothold",
 )  # fmt: skip
 
 
@@ -91,6 +92,12 @@ def _refuse_interval(interval: float) -> None:
         type=_Interval(),
         metavar="[INTERVAL]",
         help="Draw contours so far apart, in units of the terrain; by itself about eight.",
+    ),
+    click.option(
+        "--cut",
+        type=float,
+        metavar="Z",
+        help="Draw the highest tops that are not above Z: a lower storey without what is over it.",
     ),
     click.option(
         "--grid", is_flag=True, help="Draw nested cells, and what elements are said to be."
@@ -197,7 +204,7 @@ def command(
     _refuse_own(output, (file, options["vehicle"]))
     check_request(output, wanted, overwrite)
     early = None if wanted.profile is None else partial(check_section, wanted.profile)
-    terrain = load(file, wanted.bounds, early, storeys="noted")
+    terrain = load(file, wanted.bounds, early, storeys="kept")
     with StatusLine("drawing") as status:
         report = render(terrain, output, wanted, overwrite=overwrite, progress=status.say)
     if as_json:

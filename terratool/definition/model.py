@@ -241,22 +241,23 @@ class Storey(Struct, frozen=True, forbid_unknown_fields=True, rename="camel", kw
 
         It counts downwards for a deck and upwards for a bore.
         """
-        raise NotImplementedError
+        gap: float | UnsetType = getattr(self, GAPS[type(self)])
+        return gap
 
     @property
     def face(self) -> str | UnsetType:
         """Name of the primitive of the face; `UNSET` where a distance gives it."""
-        raise NotImplementedError
+        face: str | UnsetType = getattr(self, FACES[type(self)])
+        return face
 
     def times(self, factor: float) -> Storey:
         """Return the storey with all its heights multiplied by a factor."""
         if factor == 1.0:
             return self
-        name = GAPS[type(self)]
         scale = 1.0 if self.v_scale is UNSET else self.v_scale
         heights: dict[str, Any] = {}
         if self.gap is not UNSET:
-            heights[name] = factor * self.gap
+            heights[GAPS[type(self)]] = factor * self.gap
         if self.face is not UNSET:
             heights["v_scale"] = factor * scale
         if self.v_offset is not UNSET:
@@ -270,32 +271,12 @@ class Deck(Storey, frozen=True, forbid_unknown_fields=True, rename="camel", kw_o
     thickness: float | UnsetType = UNSET
     under: str | UnsetType = UNSET
 
-    @property
-    def gap(self) -> float | UnsetType:
-        """Distance of the underside below the deck's own top; `UNSET` beside `under`."""
-        return self.thickness
-
-    @property
-    def face(self) -> str | UnsetType:
-        """Name of the primitive of the underside; `UNSET` beside `thickness`."""
-        return self.under
-
 
 class Bore(Storey, frozen=True, forbid_unknown_fields=True, rename="camel", kw_only=True):
     """Storey that is cut through other ground, with its ceiling."""
 
     height: float | UnsetType = UNSET
     roof: str | UnsetType = UNSET
-
-    @property
-    def gap(self) -> float | UnsetType:
-        """Distance of the ceiling above the bore's own floor; `UNSET` beside `roof`."""
-        return self.height
-
-    @property
-    def face(self) -> str | UnsetType:
-        """Name of the primitive of the ceiling; `UNSET` beside `height`."""
-        return self.roof
 
 
 GAPS: dict[type[Storey], str] = {Deck: "thickness", Bore: "height"}

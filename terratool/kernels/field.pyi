@@ -212,6 +212,48 @@ def segment_holds(
     Shapes: segment[1], x[n], y[n], out[n].
     """
 
+class Storeys:
+    """Decks and bores of a field, in sheets."""
+
+    def __init__(self, sheets: object, table: object, lattice: object) -> None: ...
+
+def near_storeys(
+    storeys: Storeys, x: NDArray[np.float64], y: NDArray[np.float64], out: NDArray[np.bool_]
+) -> None:
+    """
+    Whether storeys may be at points.
+
+    Shapes: x[n], y[n], out[n].
+    """
+
+def top_heights(
+    storeys: Storeys,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    below: NDArray[np.float64] | None,
+    height: NDArray[np.float64],
+) -> None:
+    """
+    Put the highest tops, or those not above some heights, in place of the bare ground.
+
+    Shapes: x[n], y[n], below[n], height[n].
+    """
+
+def columns(
+    storeys: Storeys,
+    field: Field,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    ground: Any,
+    first_track: int,
+    out: Any,
+) -> None:
+    """
+    Intervals of heights at points, from below.
+
+    Shapes: x[n], y[n].
+    """
+
 WHATEVER_SCALE: int = 2
 
 class Painter:
@@ -376,48 +418,6 @@ class RayIndex:
 
 def cast(index: RayIndex, rays: Any, hits: Any) -> int:
     """What rays meet first; the first that is no ray, or -1."""
-
-class Storeys:
-    """Decks and bores of a field, in sheets."""
-
-    def __init__(self, sheets: object, table: object, lattice: object) -> None: ...
-
-def near_storeys(
-    storeys: Storeys, x: NDArray[np.float64], y: NDArray[np.float64], out: NDArray[np.bool_]
-) -> None:
-    """
-    Whether storeys may be at points.
-
-    Shapes: x[n], y[n], out[n].
-    """
-
-def top_heights(
-    storeys: Storeys,
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    below: NDArray[np.float64] | None,
-    height: NDArray[np.float64],
-) -> None:
-    """
-    Put the highest tops, or those not above some heights, in place of the bare ground.
-
-    Shapes: x[n], y[n], below[n], height[n].
-    """
-
-def columns(
-    storeys: Storeys,
-    field: Field,
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    ground: Any,
-    first_track: int,
-    out: Any,
-) -> None:
-    """
-    Intervals of heights at points, from below.
-
-    Shapes: x[n], y[n].
-    """
 
 class StoreyRayIndex:
     """Indices of storeys and ground, for rays."""

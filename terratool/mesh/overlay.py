@@ -45,6 +45,8 @@ class MeshLayer:
         self.triangles = triangles[counts]
         self.heights, self.surfaces = heights[counts], surfaces[counts]
         self._corners = points[self.triangles]
+        sides = (np.roll(self._corners, -1, axis=1) - self._corners).astype(np.float64)
+        self._sides = sides / np.hypot(sides[..., :1], sides[..., 1:])
         low, high = self._corners.min(axis=1), self._corners.max(axis=1)
         none = np.full((1, 2), -1)
         self._low = np.min(low if len(low) else none, axis=0)
@@ -66,14 +68,20 @@ class MeshLayer:
         )
         point, triangle = self._tree.query(geometries[near])
         point = near[point]
-        corners = self._corners[triangle].astype(np.float64)
-        a, side = corners, np.roll(corners, -1, axis=1) - corners
-        to = points[point][:, None] - a
-        across = side[..., 0] * to[..., 1] - side[..., 1] * to[..., 0]
-        least = (across / np.hypot(side[..., 0], side[..., 1])).min(axis=1)
-        order = np.argsort(least, kind="stable")  # the deepest inside comes last, and stays
-        order = order[least[order] >= _BESIDE]
-        found[point[order]] = triangle[order]
+        p = points[point]
+        least = np.full(len(point), np.inf)
+        for k in range(3):
+            begin = self._corners[triangle, k]
+            along = self._sides[triangle, k]
+            to = p - begin
+            np.minimum(least, along[:, 0] * to[:, 1] - along[:, 1] * to[:, 0], out=least)
+        inside = least > 0.0
+        found[point[inside]] = triangle[inside]
+        # the others are on sides, or beside all by the rounding of vertices: the deepest one counts
+        rest = np.flatnonzero((least >= _BESIDE) & ~inside)
+        rest = rest[found[point[rest]] < 0]
+        rest = rest[np.argsort(least[rest], kind="stable")]
+        found[point[rest]] = triangle[rest]
         return found
 
     def heights_at(self, which: NDArray[np.integer], points: NDArray[Any]) -> Floats:

@@ -19,9 +19,9 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
 from terratool.mesh.build import GREY
 from terratool.mesh.formats.common import NO_COLOR
-from terratool.raster.grid import Grid, grid_over
-from terratool.raster.layers import LAYERS, LayerBands, SurfaceValues, layer_painter
-from terratool.raster.painter import Painter, Planes
+from terratool.raster.grid import Grid, Window, grid_over
+from terratool.raster.layers import LAYERS, Layer, LayerBands, SurfaceValues, layer_painter
+from terratool.raster.painter import COLUMN_BANDS, Painter, Planes
 from terratool.report.wording import join_words
 from terratool.tasks import prefetch, processors
 from terratool.text.display import quote
@@ -39,7 +39,7 @@ VERDICTS = ("traversability", "traversability-worst")
 """Names of the layers of verdicts: by the best heading at each place, and by the worst."""
 JUDGED = (*VERDICTS, "foothold")
 """Names of the layers that need a vehicle."""
-NAMES = ("height", "slope", "surface", "friction", *JUDGED)
+NAMES = ("height", "slope", "surface", "friction", "clearance", "storeys", *JUDGED)
 """Names of the layers."""
 
 VOID = (255, 255, 255)
@@ -58,15 +58,18 @@ Color universal design, 2008)."""
 
 _COLORS = {
     "height": "cividis", "slope": "viridis", "friction": "viridis", "foothold": "viridis",
+    "clearance": "viridis", "storeys": "cividis",
 }  # fmt: skip
 """Colour maps of layers of numbers, even to any kind of colour vision (J. R. Nuñez, C. R. Anderton
 and R. S. Renslow, Optimizing colormaps with consideration for color vision deficiency, PLOS ONE
 13(7), 2018)."""
 _TITLES = {
     "height": "height (m)", "slope": "slope (°)", "friction": "friction angle (°)",
-    "foothold": "foothold margin",
+    "foothold": "foothold margin", "clearance": "clearance (m)", "storeys": "tops",
 }  # fmt: skip
 """Titles of the scales of layers of numbers."""
+_UNKNOWN = {"friction": "no fricAngle", "clearance": "open to the sky"}
+"""Words of a legend for pixels without a value; "unknown" for other layers."""
 _ROWS = 128
 """Number of rows of a window that a thread paints."""
 _MAP_PIXELS = 1024
@@ -145,6 +148,13 @@ class LayerPicture:
             classes=None if self.classes is None else self.classes[part],
         )
 
+    def named(self, label: str, other: str) -> LayerPicture:
+        """The layer with other words for a line of its legend."""
+        swatches = (
+            one._replace(label=other) if one.label == label else one for one in self.key.swatches
+        )
+        return replace(self, key=self.key._replace(swatches=tuple(swatches)))
+
 
 def surface_colors(terrain: Terrain) -> tuple[NDArray[np.uint8], list[str]]:
     """Colours by id, (surfaces + 1, 3) uint8, and names of surfaces whose colour is chosen here.
@@ -164,19 +174,47 @@ def surface_colors(terrain: Terrain) -> tuple[NDArray[np.uint8], list[str]]:
     return np.array(colors, np.uint8), without
 
 
-def paint_ground(terrain: Terrain, grid: Grid, slopes: bool = False) -> Planes:
-    """Paint heights, surfaces and, if wanted, slopes at the pixels of a grid, in parallel."""
-    painter = Painter(terrain, grid, np.float64, slopes=slopes)
+def paint_ground(terrain: Terrain, grid: Grid, layer: Layer = LAYERS["surface"]) -> Planes:
+    """Paint heights, surfaces and what a layer needs at the pixels of a grid, in parallel.
+
+    Where there are storeys, they are those of the highest tops.
+    """
+    bands = COLUMN_BANDS if layer.columns else 0
+    painter = Painter(terrain, grid, np.float64, slopes=layer.slopes, storeys=bands)
     whole = painter.blank(grid.whole)
     windows = list(grid.windows(_ROWS, grid.width))
 
     def paint(window: Any) -> None:
         """Paint the rows of a window."""
         rows = slice(window.row, window.row + window.height)
-        part: Any = (None if plane is None else plane[rows] for plane in whole)
-        painter.paint(window, Planes(*part))
+        plane: Any
+        for plane, part in zip(whole, painter.paint(window), strict=True):
+            if plane is not None:
+                plane[..., rows, :] = part
 
     for _ in prefetch(paint, windows, processors()):
+        pass
+    return whole
+
+
+def paint_below(terrain: Terrain, grid: Grid, cut: float) -> Planes:
+    """Paint heights, surfaces and slopes of the highest tops that are not above a height."""
+    painter = Painter(terrain, grid, np.float64, slopes=True)
+    whole = painter.blank(grid.whole)
+
+    def paint(window: Window) -> None:
+        """Paint the rows of a window."""
+        x, y = np.meshgrid(grid.columns(window), grid.rows(window))
+        found = terrain.sample(x, y, below=cut)
+        rows = slice(window.row, window.row + window.height)
+        part = whole.part(rows, slice(None))
+        assert part.surfaces is not None
+        assert part.slope_x is not None and part.slope_y is not None
+        part.heights[:], part.surfaces[:] = found.height, found.surface + 1
+        part.slope_x[:] = -found.normal[..., 0] / found.normal[..., 2]
+        part.slope_y[:] = -found.normal[..., 1] / found.normal[..., 2]
+
+    for _ in prefetch(paint, list(grid.windows(_ROWS, grid.width)), processors()):
         pass
     return whole
 
@@ -187,6 +225,7 @@ def layer_picture(
     layer: str,
     judge: Judge | None = None,
     progress: Callable[[str], object] = lambda _: None,
+    cut: float | None = None,
 ) -> LayerPicture:
     """Paint a layer at the pixels of a grid.
 
@@ -196,6 +235,7 @@ def layer_picture(
         layer: name of the layer, one of `NAMES`.
         judge: vehicle of the layers of `JUDGED`; None for other layers.
         progress: called with words on the step that begins.
+        cut: height above which nothing is shown; None to show all.
 
     Raises:
         RequestError: no surface has the figure of the layer; there is no ground; or the ground is
@@ -203,9 +243,16 @@ def layer_picture(
     """
     if layer == "friction":
         _refuse_unknown_friction(terrain)
+    shown = LAYERS["surface" if layer in JUDGED else layer]
+    if shown.columns:
+        _refuse_single_tops(terrain, layer)
     progress("painting")
-    planes = paint_ground(terrain, grid, layer == "slope")
+    planes = paint_ground(terrain, grid, shown) if cut is None else paint_below(terrain, grid, cut)
     ground = ~np.isnan(planes.heights)
+    if cut is not None and not ground.any():
+        raise RequestError(
+            f"No top lies below the cut at {cut:,.6g}.", "Give a greater height, or other bounds."
+        )
     if not ground.any():
         raise RequestError(
             "There is no ground to be drawn: all of it is void.", "Choose other bounds."
@@ -229,6 +276,15 @@ def _refuse_unknown_friction(terrain: Terrain) -> None:
         raise RequestError(
             "No surface of the terrain has a fricAngle, so there is no friction to be drawn.",
             "Add one to a surface, or a preset; or choose another layer.",
+        )
+
+
+def _refuse_single_tops(terrain: Terrain, layer: str) -> None:
+    """Refuse a terrain on which nothing stands over other ground."""
+    if terrain.storeys is None:
+        raise RequestError(
+            f"Nothing stands over other ground, so there is no layer {layer} to be drawn.",
+            "Add a deck or a bore, or choose another layer.",
         )
 
 
@@ -263,7 +319,7 @@ def _surface_layer(terrain: Terrain, grid: Grid, planes: Planes) -> LayerPicture
 
 
 def _number_layer(terrain: Terrain, grid: Grid, planes: Planes, layer: str) -> LayerPicture:
-    """The layer `height`, `slope` or `friction`, with a scale of colours."""
+    """A layer of numbers, with a scale of colours; counts have a line for each in the legend."""
     from matplotlib import colormaps
 
     if LAYERS[layer].slopes:
@@ -284,8 +340,13 @@ def _number_layer(terrain: Terrain, grid: Grid, planes: Planes, layer: str) -> L
     swatches = []
     if (unknown := ground & ~known).any():
         colors[unknown] = NO_COLOR
-        swatches.append(Swatch("no fricAngle" if layer == "friction" else "unknown", NO_COLOR))
+        swatches.append(Swatch(_UNKNOWN.get(layer, "unknown"), NO_COLOR))
     key = Legend("", (*swatches, *void_swatch(planes.heights)), scale)
+    if layer == "storeys":
+        counts, first = np.unique(values[known], return_index=True)
+        lines = zip(counts.tolist(), colors[known][first], strict=True)
+        swatches = [Swatch(f"{count:g}", _rgb(color)) for count, color in lines]
+        key = Legend(scale.title, (*swatches, *void_swatch(planes.heights)))
     light = _ON_HEIGHTS if layer == "height" else None
     return LayerPicture(grid, planes.heights, _ids(planes), colors, key, light)
 

@@ -19,10 +19,19 @@ LEAST_DPI, MOST_DPI = 36.0, 600.0
 LEAST_EXAGGERATION, MOST_EXAGGERATION = 1e-6, 1e6
 """Smallest and largest factor on heights."""
 
+CUT = ("height", "slope", "surface", "friction")
+"""Names of the layers that can be cut at a height."""
+
 Contours = float | Literal["auto"] | None
 """An interval of contours, m; "auto" for a round one; None for no contours."""
 Line = tuple[float, float, float, float]
 """World x and y of the first end of a line, and of the last."""
+
+
+def line_length(line: Line) -> float:
+    """Length of a line, seen from above, world units."""
+    x0, y0, x1, y1 = line
+    return math.hypot(x1 - x0, y1 - y0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +45,8 @@ class RenderOptions:
         bounds: west, south, east, north of the picture, world units; the whole terrain if None.
         contours: interval of contours, in units of the terrain; "auto" for a round one with about
             eight contours; None for no contours.
+        cut: height of a plan's cut, in units of the terrain: the highest tops that are not above it
+            are drawn; None for the highest of all.
         grid: whether nested cells are drawn, with the descriptions of elements.
         profile: x and y of both ends of a section, which is drawn instead of a plan.
         perspective: whether a view from the side is drawn instead of a plan.
@@ -56,6 +67,7 @@ class RenderOptions:
     vehicle: str | Path | None = None
     bounds: Bounds | None = None
     contours: Contours = None
+    cut: float | None = None
     grid: bool = False
     profile: Line | None = None
     perspective: bool = False
@@ -100,6 +112,11 @@ class RenderOptions:
         self._check_views()
 
     @property
+    def has_storeys(self) -> bool:
+        """Whether the picture shows the decks and bores of a terrain."""
+        return self.vehicle is None
+
+    @property
     def has_legend(self) -> bool:
         """Whether the picture has a legend."""
         return self.legend and not self.bare
@@ -129,9 +146,14 @@ class RenderOptions:
             )
         upright = self.profile is not None or self.perspective
         what = "a section" if self.profile is not None else "a perspective"
-        for option, given in (("--contours", self.contours is not None), ("--grid", self.grid)):
+        plans = {
+            "--contours": self.contours is not None, "--cut": self.cut is not None,
+            "--grid": self.grid,
+        }  # fmt: skip
+        for option, given in plans.items():
             if given and upright:
                 raise RequestError(f"{option} is about plans, not {what}.", f"Leave out {option}.")
+        self._check_cut()
         if self.profile is not None:
             self._check_profile(self.profile)
         factor = self.exaggeration
@@ -148,6 +170,18 @@ class RenderOptions:
                 )
         if self.perspective:
             self._check_perspective()
+
+    def _check_cut(self) -> None:
+        """Refuse a cut at no height, and one with a layer that does not know it."""
+        if self.cut is None:
+            return
+        if not math.isfinite(self.cut):
+            raise RequestError(f"The cut is at {self.cut:g}.", "Give a finite height.")
+        if self.layer not in CUT:
+            raise RequestError(
+                f"The layer {self.layer} is not cut.",
+                f"Leave out --cut, or choose one of {', '.join(CUT)}.",
+            )
 
     def _check_profile(self, line: Line) -> None:
         """Refuse options that a section does not have, and ends that are one point."""

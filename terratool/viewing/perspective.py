@@ -19,9 +19,9 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.kernels import mesh as mesh_kernels
 from terratool.kernels import raster as raster_kernels
-from terratool.mesh.build import build
 from terratool.mesh.export import collapse_degenerate, no_ground, relief_of
 from terratool.mesh.formats.common import NO_COLOR
+from terratool.mesh.stacked import build_all
 from terratool.mesh.types import BuiltMesh
 from terratool.raster.grid import grid_over
 from terratool.raster.shading import LIGHT
@@ -77,14 +77,15 @@ class Block(NamedTuple):
         vertices: (n, 3) float64 world coordinates.
         faces: (m, 3) int32 indices of vertices.
         surfaces: (m,) int64 index of the surface plus one; 0 for none, -1 for sides of the block.
-        walls: (m,) bool, whether a face stands upright.
+        hidden: (m,) bool, whether a plan does not show a face: it stands upright, looks down, or
+            lies below another one.
         normals: (m, 3, 3) float64 unit normals at the corners of faces.
     """
 
     vertices: Floats
     faces: NDArray[np.int32]
     surfaces: NDArray[np.int64]
-    walls: NDArray[np.bool_]
+    hidden: NDArray[np.bool_]
     normals: Floats
 
 
@@ -268,20 +269,29 @@ def _block(
         progress("painting heights")
         return _grid_block(terrain, part)
     progress(f"meshing within {metres(error)}")
-    built = collapse_degenerate(build(whole, error, options.bounds, base="below"))
+    built = collapse_degenerate(build_all(whole, error, options.bounds, base="below"))
     if not len(built.mesh.faces):
         raise no_ground()
-    return _mesh_block(built), f"{count_of(len(built.mesh.faces), 'face')} within {metres(error)}"
+    return _mesh_block(
+        built, whole
+    ), f"{count_of(len(built.mesh.faces), 'face')} within {metres(error)}"
 
 
-def _mesh_block(built: BuiltMesh) -> Block:
+def _mesh_block(built: BuiltMesh, terrain: Terrain) -> Block:
     mesh = built.mesh
     found = mesh_kernels.corner_normals(mesh.vertices, mesh.faces, mesh.walls, built.error)
     normals = found[0].astype(np.float64)[found[1]]
     surfaces = mesh.surfaces.astype(np.int64) + 1
     surfaces[built.shell :] = -1
     vertices = mesh.vertices + mesh.origin
-    return Block(vertices, mesh.faces, surfaces, mesh.walls, normals)
+    hidden = mesh.walls
+    if terrain.storeys is not None:
+        corners = vertices[mesh.faces]
+        x, y, z = corners.mean(axis=1).T
+        u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        hidden = hidden | (u[:, 0] * v[:, 1] <= u[:, 1] * v[:, 0])
+        hidden |= z < terrain.height(x, y) - 2.0 * built.error
+    return Block(vertices, mesh.faces, surfaces, hidden, normals)
 
 
 def _grid_block(terrain: Terrain, part: tuple[float, float, float, float]) -> tuple[Block, str]:
@@ -336,6 +346,8 @@ def _grid_block(terrain: Terrain, part: tuple[float, float, float, float]) -> tu
         f"{rows:,} × {columns:,} heights, as there are too many elements for a mesh: walls are as "
         "wide as a step of these"
     )
+    if terrain.storeys is not None:
+        made += ", and nothing is open below decks"
     return Block(vertices, faces, surfaces, walls, normals), made
 
 
@@ -421,7 +433,7 @@ def _weights(corners: Floats, column: NDArray[np.int64], row: NDArray[np.int64])
 
 
 def _colors(block: Block, face: NDArray[np.int32], place: Floats, paint: _Paint) -> Floats:
-    """Colours of faces without light, (n, 3) float64; walls are grey where the layer has none."""
+    """Colours of faces without light, (n, 3) float64; grey where a plan does not show them."""
     surfaces, plan = block.surfaces[face], paint.plan
     if paint.palette is not None:
         colors = paint.palette[np.maximum(surfaces, 0)].astype(np.float64)
@@ -432,7 +444,7 @@ def _colors(block: Block, face: NDArray[np.int32], place: Floats, paint: _Paint)
         at = np.clip(rows, 0, grid.height - 1), np.clip(columns, 0, grid.width - 1)
         step = max(4, max(grid.width, grid.height) // 160)
         colors = light_on(plan, np.ones(plan.heights.shape), step)[at].astype(np.float64)
-        colors[block.walls[face]] = NO_COLOR
+        colors[block.hidden[face]] = NO_COLOR
     colors[surfaces < 0] = _SKIRT
     return colors
 

@@ -19,7 +19,14 @@ from terratool.report.wording import count_of
 from terratool.traversability.judge import Judge
 from terratool.viewing.cells import LABEL, Label, cell_lines
 from terratool.viewing.contours import draw_contours
-from terratool.viewing.layers import FINER, LayerPicture, layer_picture, level_light, light_on
+from terratool.viewing.layers import (
+    FINER,
+    NO_GROUND,
+    LayerPicture,
+    layer_picture,
+    level_light,
+    light_on,
+)
 from terratool.viewing.options import RenderOptions
 from terratool.viewing.sheet import (
     INK,
@@ -206,10 +213,11 @@ def draw_plan(
         sheet.title(title, left, places.width - left - sheet.pixels(6.0))
     if options.has_legend:
         sheet.key(picture.key, places.key)
+    said = "" if options.cut is None else f" below {number(options.cut)}"
     known = picture.heights[np.isfinite(picture.heights)]
     what = (
         f"plan of {sides[0]:,.6g} × {sides[1]:,.6g} {unit}, "
-        f"{options.layer}; {grid.resolution * FINER:.3g} {unit} a pixel, heights from "
+        f"{options.layer}{said}; {grid.resolution * FINER:.3g} {unit} a pixel, heights from "
         f"{known.min():,.4g} to {known.max():,.4g} at the pixels"
     )
     return Drawn(sheet, what, tuple(notes))
@@ -229,7 +237,9 @@ def _paint_layer(
     """Paint the layer at pixels finer than the picture's, and choose the factor on slopes."""
     resolution = (part[2] - part[0]) / (places.ground.width * FINER)
     grid = grid_over(terrain, resolution, part)
-    picture = layer_picture(terrain, grid, options.layer, judge, progress)
+    picture = layer_picture(terrain, grid, options.layer, judge, progress, options.cut)
+    if options.cut is not None:
+        picture = picture.named(NO_GROUND, f"no top below {number(options.cut)}")
     if picture.light is None:
         return picture, 1.0
     stride = 1 + max(picture.heights.shape) // _SAMPLED
@@ -287,7 +297,9 @@ def _narrow_note(terrain: Terrain, part: Bounds, pixel: float) -> list[str]:
     whole = terrain.written_out_or_none
     if whole is None:
         return []
-    west, south, east, north = whole.footprints()
+    sheets = () if whole.storeys is None else whole.storeys.sheets
+    own = (sheet.top.footprints()[:, sheet.storeys >= 0] for sheet in sheets)
+    west, south, east, north = np.concatenate([whole.footprints(), *own], axis=1)
     there = (west < part[2]) & (east > part[0]) & (south < part[3]) & (north > part[1])
     count = int(np.count_nonzero(there & (np.minimum(east - west, north - south) < pixel)))
     return [f"Narrower than a pixel: {count_of(count, 'element')}."] if count else []

@@ -13,7 +13,7 @@ from terratool.traversability.judge import Judge
 from terratool.viewing.options import RenderOptions, RenderReport, picture_format
 from terratool.viewing.perspective import draw_perspective
 from terratool.viewing.plan import Drawn, draw_plan
-from terratool.viewing.profile import draw_section
+from terratool.viewing.section_sheet import draw_section
 from terratool.viewing.sheet import encoded, require_matplotlib, settings, write
 
 if TYPE_CHECKING:
@@ -91,6 +91,7 @@ def png_of(terrain: Terrain, options: RenderOptions | None = None) -> bytes:
 def _draw(terrain: Terrain, options: RenderOptions, progress: Progress = lambda _: None) -> Drawn:
     """Draw a section, a perspective or a plan, within `settings`."""
     judge = None if options.vehicle is None else Judge.of(options.vehicle)
+    terrain = terrain if options.has_storeys else terrain.ground_alone
     terrain, notes = coarse(terrain, options.bounds)
     if options.profile is not None:
         drawn = draw_section(terrain, options, progress)

@@ -8,6 +8,7 @@ import os
 import shutil
 import struct
 import subprocess
+import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -192,19 +193,25 @@ def many(path: Path) -> None:
     path.with_name("site.json").write_text(json.dumps(site))
 
 
+MEASURING = """
+import os, sys
+child = os.posix_spawn(sys.argv[2], sys.argv[2:], os.environ)
+_, status, used = os.wait4(child, 0)
+open(sys.argv[1], "w").write(str(used.ru_maxrss << 10))
+sys.exit(os.waitstatus_to_exitcode(status))
+"""
+"""A program between, as a process counts the memory of the one that it was split from."""
+
+
 def measured(*words: object) -> tuple[Ran, int]:
     """What a process of its own leaves behind, and the most memory that it had, in bytes."""
-    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
-        process = subprocess.Popen(
-            [*COMMAND, *map(str, words)], stdout=out, stderr=err, env=ENVIRONMENT
-        )
+    with tempfile.NamedTemporaryFile("r") as memory:
+        command = [sys.executable, "-S", "-c", MEASURING, memory.name, *COMMAND, *map(str, words)]
         with not_for_ever(60):
-            _, status, used = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        for file in (out, err):
-            file.seek(0)
-        ran = Ran(process.returncode, out.read().decode(), err.read().decode())
-    return ran, used.ru_maxrss << 10
+            done = subprocess.run(
+                command, capture_output=True, text=True, env=ENVIRONMENT, check=False
+            )
+        return Ran(done.returncode, done.stdout, done.stderr), int(memory.read())
 
 
 @pytest.mark.nightly

@@ -58,10 +58,14 @@ def test_tiles_and_grids_keep_the_sentence_with_their_losses(bridge: Path, tmp_p
     assert plain.err == "" and "storeys" not in json.loads(plain.out)["losses"]
 
 
+@pytest.mark.nightly
 def test_notes_of_reports(bridge: Path, tmp_path: Path) -> None:
     """Where a report has notes, they say it, and standard error does not say it again."""
-    ran = call("render", bridge, tmp_path / "a.png", "--json")
+    layer = ("--layer", "traversability", "--vehicle", ROVER, "--pixels", 450)
+    ran = call("render", bridge, tmp_path / "a.png", *layer, "--json")
     assert ran.err == "" and NOTE in json.loads(ran.out)["notes"]
+    ran = call("render", bridge, tmp_path / "b.png", "--pixels", 450, "--json")
+    assert ran.err == "" and NOTE not in json.loads(ran.out)["notes"]
     ran = call("traversability", bridge, "--vehicle", ROVER, "--json")
     report = json.loads(ran.out)
     jsonschema.validate(report, terratool.schema("report"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import re
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,7 @@ from terratool.definition.reader import Checked, check
 from terratool.definition.rules.presence import PLACEMENT
 from terratool.definition.schema_writing import NAMES, schema_text
 from terratool.text.source import Source
+from tests.budget import SHARE
 from tests.schemas import subschemas
 from tests.strategies import Json, definitions
 
@@ -274,9 +276,10 @@ def test_agrees_with_the_reader_on_mutations(definition: Json, data: st.DataObje
     "tracks/0/path/1", "tracks/2/path", "tracks/2/path/0", "tracks/2/path/1/2",
 ])  # fmt: skip
 def test_agrees_with_the_reader_on_each_key(pointer: str) -> None:
-    """For every key, any one value is taken by both or refused by both."""
+    """For every key, any one value is taken by both or refused by both; a third of them quickly."""
     *steps, last = pointer.split("/")
-    for value in REPLACEMENTS:
+    part = 3 if SHARE < 1 else 1
+    for value in REPLACEMENTS[zlib.crc32(pointer.encode()) % part :: part]:
         definition = copy.deepcopy(GOOD)
         owner: Any = definition
         for step in steps:

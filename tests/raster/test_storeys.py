@@ -77,6 +77,29 @@ def assert_columns(terrain: Terrain, grid: Grid) -> None:
             assert not off, (name, off[0], band[*off[0]], right[name][*off[0]])
 
 
+def test_a_deck_stands_over_a_grid_without_data() -> None:
+    """A slab over a gap of a grid is there, and the gap stays open beside it."""
+    gap = [[1, 1, 1, 1], [1, None, 1, 1], [1, 1, 1, 1]]
+    slab = {"type": "flat", "at": [3, 3], "extent": [4, 2], "vScale": 5}
+    terrain = terrain_of(
+        {
+            "size": [8, 6],
+            "elemTypes": {"flat": {"x": [1]}, "gap": {"grid": gap, "registration": "pixel"}},
+            "elemTree": {
+                "type": "flat",
+                "vScale": 0,
+                "cells": 1,
+                "children": [
+                    {"type": "gap", "cellX": 0, "cellY": 0},
+                    {**slab, "deck": {"thickness": 0.5}},
+                ],
+            },
+        }
+    )
+    assert np.isnan(terrain.ground(3.0, 3.5)) and terrain.height(3.0, 3.5) == 5.0
+    assert_columns(terrain, grid_over(terrain, 0.25))
+
+
 @pytest.mark.parametrize("name", DEFINITIONS)
 def test_pixels_are_columns(name: str) -> None:
     terrain = terrain_of(DEFINITIONS[name])
@@ -87,6 +110,7 @@ def test_pixels_are_columns(name: str) -> None:
         assert_columns(terrain, grid)
 
 
+@pytest.mark.slow
 @given(definition=lattices())
 @settings(max_examples=examples(25), deadline=None)
 def test_pixels_where_faces_often_meet(definition: Any) -> None:

@@ -30,6 +30,7 @@ from terratool.traversability.map_results import CHANCE_BOUNDS
 from terratool.traversability.preparing import prepare_assessment
 from terratool.traversability.ranges import Draws, draw, level_chances, share_error, soil_samples
 from terratool.traversability.report import document, tables
+from terratool.traversability.report.page import as_markdown
 from terratool.traversability.report.routes import as_geojson
 from terratool.traversability.request import Request
 from terratool.traversability.results import TraversabilityReport
@@ -472,7 +473,8 @@ class TestRoutes:
         place = line["least_probability"]["place"]
         where = f"({round(place['x'], 3):.12g}, −{abs(round(place['y'], 3)):.12g})"
         least = f"{100 * line['least_probability']['probability']:.3g} %"
-        assert f"for all of it, least {least} at {where}" in text["sentence"]
+        assert f"probability of go {100 * line['probability']:.3g} %" in text["sentence"]
+        assert f"- least probability: {least} at {where} on " in as_markdown(report)
         features = json.loads(as_geojson(report))["features"]
         shares = [f["properties"].get("probability") for f in features]
         assert shares[0] == line["probability"]

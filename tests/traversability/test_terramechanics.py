@@ -386,7 +386,7 @@ def test_soft_ground_becomes_rigid_ground(
     assert expected.torque == pytest.approx(0.2 * expected.thrust)
     assert expected.resistance == 0
     before = None
-    for sinkage in (1e-2, 1e-4, 1e-6, 1e-8, 1e-12):
+    for sinkage in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12):
         found = wheel.traction(load, replace(soil, sinkage=sinkage / load), tyre, slip)
         gap = abs(float(found.drawbar - expected.drawbar))
         assert before is None or gap <= before * (1 + 1e-9) + 1e-9 * load
