@@ -38,12 +38,6 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-COLUMNS = ("x", "y", "z", "surface", "element", "nx", "ny", "nz", "storeys", "note")
-"""Cells of a point's row; `storeys` only where the terrain has any."""
-INTERVALS = (
-    "x", "y", "bottom", "z", "clear", "surface", "element", "under", "nx", "ny", "nz", "note",
-)  # fmt: skip
-"""Cells of an interval's row."""
 _CHUNK = 65536
 
 _option_like = re.compile(r"--|-[A-Za-z]+$").match
@@ -108,6 +102,12 @@ class IntervalKeys(Struct, frozen=True, kw_only=True):
     ny: float | None
     nz: float | None
     note: Note | None
+
+
+COLUMNS = PointKeys.__struct_fields__
+"""Cells of a point's row; `storeys` only where the terrain has any."""
+INTERVALS = IntervalKeys.__struct_fields__
+"""Cells of an interval's row."""
 
 
 class QueryDocument(Document, frozen=True, kw_only=True):

@@ -843,7 +843,7 @@ def _points_below(
         x, y, shape = _points(x, y)
         return x, y, None, shape
     x, y = points_of(x, y)
-    x, below = points_of(x, below)
+    x, below = points_of(x, below, "below")
     y, below = points_of(y, below)
     first, second, third = (
         np.ascontiguousarray(np.broadcast_to(one, below.shape)).ravel() for one in (x, y, below)

@@ -164,8 +164,15 @@ def real_numbers(array: NDArray[Any]) -> NDArray[np.float64]:
     return array.astype(np.float64, copy=False)
 
 
-def points_of(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def points_of(
+    x: ArrayLike, y: ArrayLike, second: str = "y"
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Coordinates of points as float64 arrays of one shape, which broadcast views may be.
+
+    Args:
+        x: the first ones.
+        y: the second ones, or what else points have.
+        second: name of these in messages.
 
     Raises:
         RequestError: a coordinate is no number, or the shapes do not fit together.
@@ -173,16 +180,15 @@ def points_of(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[
     try:
         x, y = real_numbers(np.asarray(x)), real_numbers(np.asarray(y))
     except (TypeError, ValueError, OverflowError):
-        raise RequestError(
-            "A coordinate is no number.", "Give numbers, or arrays of them."
-        ) from None
+        what = "A coordinate" if second == "y" else second
+        raise RequestError(f"{what} is no number.", "Give numbers, or arrays of them.") from None
     if x.shape == y.shape:
         return x, y
     try:
         shape = np.broadcast_shapes(x.shape, y.shape)
     except ValueError:
         raise RequestError(
-            f"x has the shape {x.shape}, but y {y.shape}.",
+            f"x has the shape {x.shape}, but {second} {y.shape}.",
             "Give arrays of one shape, or that broadcast together.",
         ) from None
     return np.broadcast_to(x, shape), np.broadcast_to(y, shape)

@@ -215,9 +215,8 @@ def assemble(
     if base is not None:
         lowest, highest = float(heights[ground].min()), float(heights[ground].max())
         base = base_height(base, lowest, highest, plan)
-        # edges where the ground ends, at the hull or at the void: triangle, and which of its edges
-        ends = ground[:, None] & ((neighbours < 0) | ~ground[neighbours])
-        outer = np.argwhere(ends).astype(np.int32, order="C")
+        # where the ground ends, at the hull or at the void
+        outer = np.column_stack(triangulation.rim(ground)).astype(np.int32, order="C")
         edges = triangles[outer[:, :1], np.column_stack([outer[:, 1], (outer[:, 1] + 1) % 3])]
         on_boundary[edges] = True
 

@@ -161,10 +161,7 @@ class Overlay(NamedTuple):
 
     def borders(self) -> tuple[Ints, Ints]:
         """Sides that triangles of different places share, or of the hull: triangle, and corner."""
-        t, c = np.nonzero(
-            (self.plane.neighbours < 0)
-            | (np.arange(len(self.found))[:, None] < self.plane.neighbours)
-        )
+        t, c = self.plane.sides()
         beyond = self.plane.neighbours[t, c]
         differ = (beyond < 0) | (self.found[t] != self.found[beyond]).any(axis=1)
         return t[differ], c[differ]

@@ -261,7 +261,7 @@ def _raise(
     floor_z = 0.0
     if base is not None and len(heights):
         floor_z = base_height(base, float(heights.min()), float(heights.max()), plan)
-        t, c = _rim(columns)
+        t, c = plane.rim(stacks.grounded)
         edges = np.column_stack([plane.triangles[t, c], plane.triangles[t, (c + 1) % 3]])
         on_boundary[edges] = True
     found = kernels.find_levels(
@@ -309,13 +309,6 @@ def _raise(
         layers.loss,
         _summary(storeys, layers, columns),
     )
-
-
-def _rim(columns: _Columns) -> tuple[Longs, Longs]:
-    """Sides of triangles where what is solid from below ends: the triangle, and the corner."""
-    grounded, neighbours = columns.stacks.grounded, columns.overlay.plane.neighbours
-    t, c = np.nonzero(grounded[:, None] & ((neighbours < 0) | ~grounded[neighbours]))
-    return t, c
 
 
 def _surfaces(layers: _Layers, columns: _Columns, ends: NDArray[np.integer], which: Longs) -> Ints:

@@ -80,7 +80,7 @@ def raise_sides(sides: StackSides) -> StackWalls:
 def _edges_that_differ(sides: StackSides) -> _Edges:
     plane, low, high = sides.plane, sides.low, sides.high
     neighbours = plane.neighbours
-    t, c = np.nonzero((neighbours < 0) | (np.arange(len(neighbours))[:, None] < neighbours))
+    t, c = plane.sides()
     beyond = neighbours[t, c].astype(np.int64)
     back = (neighbours[beyond] == t[:, None]).argmax(axis=1)  # corner of the side that leads here
     same = np.asarray(beyond >= 0)

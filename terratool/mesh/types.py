@@ -292,6 +292,22 @@ class Triangulation(NamedTuple):
     triangles: NDArray[np.int32]
     neighbours: NDArray[np.int32]
 
+    def sides(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """All sides, each once: a triangle, and the corner from which the side leads."""
+        own = np.arange(len(self.triangles))[:, None]
+        t, c = np.nonzero((self.neighbours < 0) | (own < self.neighbours))
+        return t, c
+
+    def rim(self, some: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Sides where some triangles end: the triangle, and the corner from which the side leads.
+
+        Args:
+            some: (m,) bool, which triangles.
+        """
+        ends = (self.neighbours < 0) | ~some[self.neighbours]
+        t, c = np.nonzero(some[:, None] & ends)
+        return t, c
+
 
 class TileBoundary(NamedTuple):
     """Sides that a tile shares with the tiles beyond.

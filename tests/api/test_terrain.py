@@ -115,6 +115,11 @@ def test_points_that_are_none_are_refused(verb: str, terrain: terratool.Terrain)
             ask(x, y)
     with pytest.raises(terratool.RequestError, match=r"x has the shape \(2,\), but y \(3,\)\."):
         ask([1, 2], [1, 2, 3])
+    if verb in ("height", "normal", "sample"):
+        with pytest.raises(terratool.RequestError, match=r"^below is no number\. Give numbers"):
+            ask(1, 2, below="a")
+        with pytest.raises(terratool.RequestError, match=r"\(2,\), but below \(3,\)\. Give arr"):
+            ask([1, 2], [1, 2], below=[1, 2, 3])
     with pytest.raises(terratool.RequestError, match="direction or range is no number"):
         terrain.cast([1, 2, 3], ["a", 2, 3])
 

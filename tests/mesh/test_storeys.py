@@ -189,16 +189,8 @@ def test_a_deck_alone_is_a_box() -> None:
     assert ground.area == pytest.approx(12 * 8)
     assert built.storeys is not None
     assert built.storeys.volume == pytest.approx(5) and built.storeys.area == pytest.approx(10)
-    mesh = built.mesh
-    assert np.bincount(mesh.surfaces + 1)[1:3].tolist() == [
-        len(mesh.faces) - 12 - extra(mesh),
-        12 + extra(mesh),
-    ]
-
-
-def extra(mesh: Mesh) -> int:
-    """Faces of the deck beyond the twelve of a box."""
-    return int((mesh.surfaces == 1).sum()) - 12
+    worn = np.bincount(built.mesh.surfaces, weights=whole(built).area_faces)
+    assert worn[:2] == pytest.approx([12 * 8, 2 * 5 * 2 + 2 * (5 + 2) * 0.5])
 
 
 def test_decks_that_touch_in_an_edge_stay_apart() -> None:
