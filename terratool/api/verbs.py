@@ -26,7 +26,7 @@ VERBS = {
 }
 """Words of Python that do the work of a command, by its name, where no verb has that name."""
 INTERNAL = frozenset((
-    "all_cells", "arrays", "bare", "cells", "compiled", "descr_of", "field",
+    "all_cells", "arrays", "bare", "cells", "columns_at", "compiled", "descr_of", "field",
     "first_track", "footprints", "ground_only", "hidden", "is_shared", "library_roots",
     "numbers_of", "parents", "place_of", "primitive_of", "ray_index", "refuse_degrees",
     "short_numbers", "source", "storey_ray_index", "with_arrays", "with_curves", "written_out",

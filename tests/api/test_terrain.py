@@ -453,7 +453,7 @@ def test_four_numbers_are_one_way() -> None:
     assert ends([line, other]) == ends(np.array([line, other])) == [line, other]
     assert ends(()) == ends([]) == []
     for wrong in ((1, 2, 3), 5, "1829", "here", [(1, 2, 3)], [line, (1, 2, 3)], [1, 2, 3, "x"]):
-        with pytest.raises(terratool.RequestError, match="Give x0, y0, x1, y1, all of them num"):
+        with pytest.raises(terratool.RequestError, match="Give x0, y0, x1, y1, or x0, y0, z0"):
             ends(wrong)
 
 
