@@ -45,6 +45,7 @@ from terratool.raster.dem import (
 from terratool.raster.dem import refuse_idle as refuse_idle_contours
 from terratool.sensing.comparison import MapComparison, compare
 from terratool.sensing.export import ScanOutput, ScanReport, export_scan
+from terratool.sensing.lines import Face
 from terratool.sensing.poses import Poses, one_pose, read_poses
 from terratool.sensing.readings import Frame
 from terratool.sensing.scan import Scan, ScanOptions
@@ -510,6 +511,7 @@ class UserTerrain(ShownTerrain):
         *,
         level: int = 0,
         transform: Affine | Sequence[float] | None = None,
+        against: Face | None = None,
         picture: str | Path | None = None,
         overwrite: bool = False,
     ) -> MapComparison:
@@ -524,6 +526,8 @@ class UserTerrain(ShownTerrain):
             level: level of a map of `map_scans`, 0 for the finest.
             transform: affine transform of an array, as rasterio has it: from column and row of a
                 pixel's corner to world x and y.
+            against: what heights are held against among decks and bores: the highest `top`, the
+                `ground` below all, or the `nearest` face; what suits the map if None.
             picture: path of a .png that shows where the map is too high or too low; None for none.
             overwrite: whether the picture may exist already.
 
@@ -535,12 +539,11 @@ class UserTerrain(ShownTerrain):
         """
         if picture is not None:
             refuse_picture(picture, overwrite)
-        ground = self.ground_only()
-        compared = compare(any_map(map, level, transform), ground)
+        compared = compare(any_map(map, level, transform), self, face=against)
         if picture is not None:
             from terratool.viewing.map_errors import write_picture
 
-            write_picture(compared, ground, picture, overwrite=overwrite)
+            write_picture(compared, self, picture, overwrite=overwrite)
         return compared
 
     # --- other terrains ---------------------------------------------------------------------------

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, astuple
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import click
-from msgspec import Struct
+from msgspec import UNSET, Struct, UnsetType
 
 from terratool.cli.command import Command
 from terratool.cli.options import (
@@ -22,7 +22,13 @@ from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
 from terratool.report.numbers import tenths
-from terratool.sensing.lines import comparison_lines, shown_metres
+from terratool.sensing.lines import (
+    FACE_KINDS,
+    Face,
+    FaceKind,
+    comparison_lines,
+    shown_metres,
+)
 
 if TYPE_CHECKING:
     from terratool.sensing.comparison import MapComparison
@@ -35,6 +41,11 @@ if TYPE_CHECKING:
 )
 @click.argument("map_", metavar="MAP")
 @click.argument("file")
+@click.option(
+    "--against",
+    type=click.Choice(get_args(Face)),
+    help="What heights are held against.  [default: nearest for patches, else top]",
+)
 @click.option("--picture", metavar="OUT.png", help="Draw where the map is too high or too low.")
 @click.option(
     "--max-rmse",
@@ -57,6 +68,7 @@ if TYPE_CHECKING:
 def command(
     map_: str,
     file: str,
+    against: Face | None,
     picture: str | None,
     max_rmse: float | None,
     min_coverage: float | None,
@@ -67,7 +79,8 @@ def command(
 
     MAP is what terratool map writes, of any level, or another raster whose first band has heights.
     The height of the terrain in a cell is that at its middle; in coarser cells the mean of those
-    at the middles of the finest ones.
+    at the middles of the finest ones. Among decks and bores it is that of the highest top, of the
+    ground below all, or of the nearest face, which is what patches of --storeys are held against.
     """
     from terratool.sensing.comparison import cells_to_compare, check_map, compare
     from terratool.sensing.map_files import read_map
@@ -77,10 +90,10 @@ def command(
 
         refuse_picture(picture, overwrite)
     mapped = read_map(map_)
-    terrain = load(file)
+    terrain = load(file, storeys="kept")
     check_map(mapped, terrain)
     with StatusLine("comparing", cells_to_compare(mapped, terrain)) as status:
-        comparison = compare(mapped, terrain, status)
+        comparison = compare(mapped, terrain, status, against)
         if picture is not None:
             from terratool.viewing.map_errors import write_picture
 
@@ -122,8 +135,8 @@ class PlaceDocument(Struct, frozen=True):
     surface: str | None
 
 
-class SurfaceDocument(Struct, frozen=True):
-    """Cells of one surface of the terrain; null for none."""
+class SurfaceDocument(Struct, frozen=True, kw_only=True):
+    """Cells of one surface of the terrain; null for none. With patches the ground is of tops."""
 
     surface: str | None
     ground: int
@@ -133,6 +146,17 @@ class SurfaceDocument(Struct, frozen=True):
     worst: float
     named: int
     right: int
+    known: int | UnsetType = UNSET
+
+
+class FaceDocument(Struct, frozen=True):
+    """Patches that are nearest to the ground, to the top of a storey, or to an underside."""
+
+    face: FaceKind
+    cells: int
+    rmse: float
+    bias: float
+    worst: float
 
 
 class DistanceDocument(Struct, frozen=True, rename={"low": "from", "high": "to"}):
@@ -164,10 +188,14 @@ class ComparisonDocument(Document, frozen=True, kw_only=True):
     worst_place: PlaceDocument | None
     surfaces: list[SurfaceDocument]
     distances: list[DistanceDocument]
+    against: Face | UnsetType = UNSET
+    faces: list[FaceDocument] | UnsetType = UNSET
 
 
 def _document(comparison: MapComparison) -> ComparisonDocument:
     level, worst = comparison.map.level, comparison.worst
+    patches = comparison.face == "nearest"
+    faces = [FaceDocument(FACE_KINDS[one.kind], **asdict(one.errors)) for one in comparison.faces]
     return ComparisonDocument(
         map=comparison.map.name,
         level=level.level,
@@ -184,6 +212,7 @@ def _document(comparison: MapComparison) -> ComparisonDocument:
                 ground=one.ground,
                 named=one.named,
                 right=one.right,
+                known=one.known if patches else UNSET,
                 **asdict(one.errors),
             )
             for one in comparison.surfaces
@@ -192,5 +221,7 @@ def _document(comparison: MapComparison) -> ComparisonDocument:
             DistanceDocument(one.low, one.high, **asdict(one.errors))
             for one in comparison.distances
         ],
+        against=comparison.face if comparison.storeys or patches else UNSET,
+        faces=faces if patches else UNSET,
         **asdict(comparison.errors),
     )

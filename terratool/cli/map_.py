@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
+from msgspec import UNSET, UnsetType
 
 from terratool.cli.command import Command, option_group
 from terratool.cli.options import (
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 # equal to those of terratool.sensing.robot_map, which is not imported for --help; a test checks
 LEVELS, MOST_LEVELS, SIGMA = 3, 12, 0.02
+MOST_STOREYS, GAP = 16, 0.5
 
 
 @click.command(
@@ -53,6 +55,20 @@ LEVELS, MOST_LEVELS, SIGMA = 3, 12, 0.02
         metavar="N",
         help="So many sizes of cells, each twice the one before; a file OUT.level-1.tif, … for "
         "each.",
+    ),
+    click.option(
+        "--storeys",
+        type=click.IntRange(1, MOST_STOREYS),
+        metavar="N",
+        help="Up to N patches a cell, from below: what stands over other ground is one of its own.",
+    ),
+    click.option(
+        "--gap",
+        type=click.FloatRange(0),
+        callback=finite,
+        metavar="M",
+        help="Readings that are no farther apart in height are of one patch, m.  "
+        f"[default: {GAP:g}]",
     ),
     click.option(
         "--bounds",
@@ -100,7 +116,7 @@ def command(
     SCANS are clouds of points: .npz, .csv, .ply, .pcd, .las or .laz, in the world's axes, as
     terratool scan writes them. Each cell has its height with the variance of that, the lowest and
     the highest reading, how many there were, the likeliest surface, when it was seen last and from
-    how far. Cells never seen are nodata.
+    how far. Cells never seen are nodata. With --storeys there is all of it for each patch.
     """
     from terratool.sensing.map_files import write_map
     from terratool.sensing.map_request import MapRequest
@@ -130,19 +146,25 @@ class MapDocument(Document, frozen=True, kw_only=True):
     rows: int
     seen: int
     surfaces: Sequence[str]
+    storeys: int | UnsetType = UNSET
+    gap: float | UnsetType = UNSET
+    patches: Sequence[int] | UnsetType = UNSET
 
 
 def _document(robot_map: RobotMap, files: list[Path]) -> MapDocument:
-    grid = robot_map.grid
+    grid, options, patches = robot_map.grid, robot_map.options, robot_map.patches
     return MapDocument(
         files=list(map(str, files)),
         points=robot_map.points,
         outside=robot_map.outside,
         cell=grid.resolution,
-        levels=robot_map.options.levels,
+        levels=options.levels,
         bounds=grid.bounds,
         columns=grid.width,
         rows=grid.height,
         seen=robot_map.seen,
         surfaces=robot_map.surfaces,
+        storeys=UNSET if options.storeys is None else options.storeys,
+        gap=UNSET if options.storeys is None else options.gap,
+        patches=UNSET if patches is None else patches.tolist(),
     )

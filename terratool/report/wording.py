@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 def count_of(count: int, noun: str) -> str:
     """Format a count with its noun: 1 file, 2,000 files, 3 libraries, 4 boxes."""
-    plural = "es" if noun.endswith(("x", "sh")) else "s"
+    plural = "es" if noun.endswith(("x", "sh", "ch")) else "s"
     many = f"{noun[:-1]}ies" if noun.endswith("ry") else f"{noun}{plural}"
     return f"{count:,} {noun if count == 1 else many}"
 

@@ -1,10 +1,14 @@
-"""Comparison of a robot's map with the terrain: height errors, coverage and surfaces by cell."""
+"""Comparison of a robot's map with the terrain: height errors, coverage and surfaces by cell.
+
+A cell of a map of patches has several heights, each of which is held against the face of the
+terrain's column that is nearest to it: a top, or an underside.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from itertools import pairwise
 from typing import Any
@@ -17,8 +21,10 @@ from terratool.field.terrain import Terrain, check_overlap
 from terratool.raster.geotiff import crs_of
 from terratool.raster.grid import Window
 from terratool.report.wording import count_of
-from terratool.sensing.lines import comparison_lines, shown_metres
+from terratool.sensing.faces import GROUND, TOP, UNDERSIDE, CellPlaces, Truth, truth
+from terratool.sensing.lines import Face, comparison_lines, shown_metres
 from terratool.sensing.map_files import MapFile
+from terratool.sensing.patches import GAP
 from terratool.sensing.robot_map import MapLevel
 from terratool.text.display import printable
 
@@ -65,17 +71,32 @@ class SurfaceErrors:
 
     Attributes:
         name: name of the surface; "" for none.
-        ground: number of cells with ground of the surface.
-        errors: height errors of those cells that the map knows.
+        ground: number of cells with ground of the surface; of tops, for a map of patches.
+        known: number of those that the map knows.
+        errors: height errors of what the map has there.
         named: number of those known cells with any surface in the map.
         right: number of those known cells with this surface in the map.
     """
 
     name: str
     ground: int
+    known: int
     errors: Errors
     named: int
     right: int
+
+
+@dataclass(frozen=True, slots=True)
+class FaceErrors:
+    """Errors of the patches that are nearest to faces of one kind.
+
+    Attributes:
+        kind: GROUND, TOP or UNDERSIDE.
+        errors: height errors of the patches.
+    """
+
+    kind: int
+    errors: Errors
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,20 +138,25 @@ class MapComparison:
 
     Attributes:
         map: compared map.
-        ground: number of cells with ground over the whole terrain, on the lattice of the map.
-        known: number of cells with ground that the map knows.
-        beyond: number of cells that the map knows where the terrain has no ground.
-        errors: errors of all known cells.
+        face: what its heights were held against.
+        ground: number of cells with ground over the whole terrain, on the lattice of the map; of
+            tops in these cells, if patches were held against the nearest faces.
+        known: number of those that the map knows; a patch knows a top by that or by its underside.
+        beyond: number of cells, or of patches, that the map has where the terrain has no ground.
+        errors: errors of all heights of the map over ground.
         within: share of errors within two of the map's standard deviations, ideally 0.95; NaN for a
             map without variances.
         worst: cell with the largest error; None without known cells.
         surfaces: errors by the terrain's surface at the centre of a cell.
         distances: errors by the distance that cells were seen from; empty without distances.
+        faces: errors by the kind of the nearest face; empty if others were not looked for.
+        storeys: number of decks and bores of the terrain.
         truth: (height, width) float64, heights of the terrain in the cells of the map, m; NaN
-            without ground.
+            without ground. (storeys, height, width) for a map of patches, NaN without one.
     """
 
     map: MapFile
+    face: Face
     ground: int
     known: int
     beyond: int
@@ -139,10 +165,12 @@ class MapComparison:
     worst: WorstCell | None
     surfaces: tuple[SurfaceErrors, ...]
     distances: tuple[BandErrors, ...]
+    faces: tuple[FaceErrors, ...]
+    storeys: int
     truth: Floats
 
     def __repr__(self) -> str:
-        said = f"{self.known:,} of {count_of(self.ground, 'cell')}"
+        said = f"{self.known:,} of {count_of(self.ground, self.unit)}"
         error = "" if self.worst is None else f", RMSE {shown_metres(self.errors.rmse)}"
         return f"<MapComparison of {printable(self.map.name)}: {said}{error}>"
 
@@ -152,6 +180,11 @@ class MapComparison:
     def _repr_html_(self) -> str:
         """Lines of the comparison, for notebooks."""
         return f"<pre>{escape(str(self))}</pre>"
+
+    @property
+    def unit(self) -> str:
+        """Word for what is counted as ground: cell, or top."""
+        return "top" if self.face == "nearest" else "cell"
 
     @property
     def coverage(self) -> float:
@@ -184,7 +217,10 @@ def check_map(map_: MapFile, terrain: Terrain) -> None:
 
 
 def compare(
-    map_: MapFile, terrain: Terrain, progress: Callable[[int], object] = lambda _: None
+    map_: MapFile,
+    terrain: Terrain,
+    progress: Callable[[int], object] = lambda _: None,
+    face: Face | None = None,
 ) -> MapComparison:
     """Compare a map with its terrain.
 
@@ -192,26 +228,40 @@ def compare(
     centres of its finest cells that have ground, as in the map. The surface is that at the centre
     of the cell.
 
+    Against the nearest face each patch is held against what is nearest to its height in the column
+    there, a top or an underside. In a coarse cell these are the nearest faces at the centres of
+    its finest cells that are no farther from the patch than the gap.
+
     Args:
         map_: map to be compared.
         terrain: terrain of the map.
         progress: called with the number of cells done since its last call.
+        face: what its heights are held against; what the map says, if None.
 
     Raises:
         RequestError: as for `check_map`.
     """
     check_map(map_, terrain)
+    face = map_.face if face is None else face
     level, most = map_.level, len(terrain.surfaces) + 1
-    grounds = np.zeros(most, np.int64)
-    truth = np.full(level.elevation.shape, np.nan)
-    surface = np.full(level.elevation.shape, -1, np.int32)
+    gap = GAP if map_.gap is None else map_.gap
+    shape = len(map_.storeys), *level.elevation.shape
+    whole = Truth(
+        np.full(shape, np.nan), np.full(shape, -1, np.int32), np.full(shape, -1, np.int8),
+        np.full(shape, -1), np.empty((0, 0, 0), np.int32),
+    )  # fmt: skip
+    grounds, knowns = np.zeros((2, most), np.int64)
     for window in _windows(level, terrain):
-        heights, surfaces = _truth(level, window, terrain)
-        grounds += np.bincount(surfaces[np.isfinite(heights)] + 1, minlength=most)
-        _put(window, truth, heights)
-        _put(window, surface, surfaces)
+        places = CellPlaces(level, window)
+        patches = [_cut(one, window) for one in map_.storeys]
+        part = truth(face, places, patches, gap, terrain)
+        counts = part.tops[part.tops > -2]
+        grounds += np.bincount(counts + 1, minlength=most)
+        knowns += np.bincount(part.known(patches) + 1, minlength=most)
+        for name in ("height", "surface", "kind"):
+            _put(window, getattr(whole, name), getattr(part, name))
         progress(window.height * window.width)
-    return _comparison_of(map_, terrain, truth, surface, grounds)
+    return _Compared(map_, terrain, face, whole, grounds, knowns).comparison
 
 
 def cells_to_compare(map_: MapFile, terrain: Terrain) -> int:
@@ -238,105 +288,127 @@ def _windows(level: MapLevel, terrain: Terrain) -> Iterator[Window]:
     yield from lattice.cut(max(1, most // width), width)
 
 
-def _truth(level: MapLevel, window: Window, terrain: Terrain) -> tuple[Floats, NDArray[np.int32]]:
-    """Heights of cells as `compare` defines them, and surfaces at their centres, -1 for none."""
-    grid, parts = level.grid, 2**level.level
-    columns = window.column + np.arange(window.width)
-    rows = window.row + np.arange(window.height)
-    north = grid.bounds[3]
-
-    def places(shares: Floats) -> tuple[Floats, Floats]:
-        x = grid.west + (columns[:, None] + shares).ravel() * grid.resolution
-        y = north - (rows[:, None] + shares).ravel() * grid.resolution
-        return x[None, :], y[:, None]
-
-    middle = terrain.sample(*places(np.array([0.5])))
-    if parts == 1:
-        return middle.height, middle.surface
-    fine = terrain.height(*places((np.arange(parts) + 0.5) / parts))
-    blocks = fine.reshape(window.height, parts, window.width, parts)
-    known = np.isfinite(blocks)
-    counts = known.sum(axis=(1, 3))
-    total = np.where(known, blocks, 0.0).sum(axis=(1, 3))
-    return np.where(counts, total / np.maximum(counts, 1), np.nan), middle.surface
+def _overlap(window: Window, shape: tuple[int, ...]) -> tuple[tuple[slice, ...], ...]:
+    """Rows and columns of an array that a window overlaps, and those of the window there."""
+    ends = [
+        (first, max(first, 0), max(max(first, 0), min(first + count, most)))
+        for first, count, most in zip(
+            (window.row, window.column), (window.height, window.width), shape, strict=True
+        )
+    ]
+    return (
+        tuple(slice(begin, end) for _, begin, end in ends),
+        tuple(slice(begin - first, end - first) for first, begin, end in ends),
+    )
 
 
 def _put(window: Window, whole: NDArray[Any], part: NDArray[Any]) -> None:
-    """Copy the cells of a window into the map's array, as far as they overlap."""
-    rows, columns = (
-        (max(first, 0), min(first + count, most), first)
-        for first, count, most in zip(
-            (window.row, window.column), (window.height, window.width), whole.shape, strict=True
+    """Copy cells of a window, (n, rows, columns), into an array of the map, where they overlap."""
+    there, here = _overlap(window, whole.shape[-2:])
+    whole[:, *there] = part[:, *here]
+
+
+def _cut(level: MapLevel, window: Window) -> MapLevel:
+    """Heights of the cells of a window; NaN beyond the map."""
+
+    def cut(values: Floats) -> Floats:
+        out = np.full((window.height, window.width), np.nan)
+        there, here = _overlap(window, values.shape)
+        out[here] = values[there]
+        return out
+
+    return replace(level, elevation=cut(level.elevation), lowest=cut(level.lowest))
+
+
+class _Compared:
+    """A map and what the terrain has in its cells.
+
+    Args:
+        map_: the map.
+        terrain: the terrain.
+        face: what heights are held against.
+        true: what the terrain has there.
+        grounds: (surfaces + 1,) number of cells, or tops, by surface, those of none first.
+        knowns: the same of those that the map knows.
+    """
+
+    def __init__(
+        self, map_: MapFile, terrain: Terrain, face: Face, true: Truth,
+        grounds: NDArray[np.int64], knowns: NDArray[np.int64],
+    ) -> None:  # fmt: skip
+        self._map, self._terrain, self._face, self._true = map_, terrain, face, true
+        self._grounds, self._knowns = grounds, knowns
+        self._mapped = self._band("elevation")
+        self._both = np.isfinite(self._mapped) & np.isfinite(true.height)
+        self._errors = (self._mapped - true.height)[self._both]
+
+    def _band(self, name: str) -> NDArray[Any]:
+        """Values of all patches, (storeys, height, width)."""
+        return np.stack([getattr(one, name) for one in self._map.storeys])
+
+    @property
+    def comparison(self) -> MapComparison:
+        """The comparison."""
+        errors, both, storeys = self._errors, self._both, self._terrain.storeys
+        with np.errstate(invalid="ignore", divide="ignore"):
+            apart = np.abs(errors) / np.sqrt(self._band("variance")[both])
+        sure = np.isfinite(apart)
+        heights = self._true.height
+        return MapComparison(
+            map=self._map,
+            face=self._face,
+            ground=int(self._grounds.sum()),
+            known=int(self._knowns.sum()),
+            beyond=int((np.isfinite(self._mapped) & ~both).sum()),
+            errors=Errors.of(errors),
+            within=float((apart[sure] <= 2.0).mean()) if sure.any() else math.nan,
+            worst=self._worst(),
+            surfaces=tuple(self._by_surface()),
+            distances=tuple(_by_distance(self._band("distance")[both], errors)),
+            faces=tuple(self._by_face()) if self._face == "nearest" else (),
+            storeys=0 if storeys is None else storeys.decks + storeys.bores,
+            truth=heights[0] if self._map.gap is None else heights,
         )
-    )
-    if rows[0] < rows[1] and columns[0] < columns[1]:
-        whole[rows[0] : rows[1], columns[0] : columns[1]] = part[
-            rows[0] - rows[2] : rows[1] - rows[2],
-            columns[0] - columns[2] : columns[1] - columns[2],
-        ]
 
-
-def _comparison_of(
-    map_: MapFile, terrain: Terrain, truth: Floats, surface: NDArray[np.int32],
-    grounds: NDArray[np.int64],
-) -> MapComparison:  # fmt: skip
-    level = map_.level
-    mapped = np.isfinite(level.elevation)
-    both = mapped & np.isfinite(truth)
-    errors, of = (level.elevation - truth)[both], surface[both]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        apart = np.abs(errors) / np.sqrt(level.variance[both])
-    sure = np.isfinite(apart)
-    return MapComparison(
-        map=map_,
-        ground=int(grounds.sum()),
-        known=len(errors),
-        beyond=int((mapped & ~both).sum()),
-        errors=Errors.of(errors),
-        within=float((apart[sure] <= 2.0).mean()) if sure.any() else math.nan,
-        worst=_worst(level, terrain, truth, surface, both),
-        surfaces=tuple(_by_surface(level, terrain, of, errors, grounds, both)),
-        distances=tuple(_by_distance(level.distance[both], errors)),
-        truth=truth,
-    )
-
-
-def _worst(
-    level: MapLevel, terrain: Terrain, truth: Floats, surface: NDArray[np.int32],
-    both: NDArray[np.bool_],
-) -> WorstCell | None:  # fmt: skip
-    if not both.any():
-        return None
-    size = np.where(both, np.abs(level.elevation - truth), -1.0)
-    row, column = np.unravel_index(int(np.argmax(size)), size.shape)
-    grid = level.grid
-    index = int(surface[row, column])
-    return WorstCell(
-        float(grid.columns(grid.whole)[column]),
-        float(grid.rows(grid.whole)[row]),
-        float(level.elevation[row, column]),
-        float(truth[row, column]),
-        terrain.surfaces[index] if index >= 0 else None,
-    )
-
-
-def _by_surface(
-    level: MapLevel, terrain: Terrain, of: NDArray[np.int32], errors: Floats,
-    grounds: NDArray[np.int64], both: NDArray[np.bool_],
-) -> Iterator[SurfaceErrors]:  # fmt: skip
-    names = np.array([*level.surfaces, ""], object)[level.surface[both]]
-    for index, name in [*enumerate(terrain.surfaces), (-1, "")]:
-        if not grounds[index + 1]:
-            continue
-        there = of == index
-        given = names[there]
-        yield SurfaceErrors(
-            name,
-            int(grounds[index + 1]),
-            Errors.of(errors[there]),
-            int((given != "").sum()),
-            int(((given == name) & (given != "")).sum()),
+    def _worst(self) -> WorstCell | None:
+        if not self._both.any():
+            return None
+        size = np.where(self._both, np.abs(self._mapped - self._true.height), -1.0)
+        at = np.unravel_index(int(np.argmax(size)), size.shape)
+        _, row, column = at
+        grid, surfaces = self._map.level.grid, self._terrain.surfaces
+        index = int(self._true.surface[at])
+        return WorstCell(
+            float(grid.columns(grid.whole)[column]),
+            float(grid.rows(grid.whole)[row]),
+            float(self._mapped[at]),
+            float(self._true.height[at]),
+            surfaces[index] if index >= 0 else None,
         )
+
+    def _by_surface(self) -> Iterator[SurfaceErrors]:
+        known = self._band("surface")[self._both]
+        names = np.array([*self._map.level.surfaces, ""], object)[known]
+        of = self._true.surface[self._both]
+        for index, name in [*enumerate(self._terrain.surfaces), (-1, "")]:
+            there = of == index
+            if not self._grounds[index + 1] and not (self._face == "nearest" and there.any()):
+                continue
+            given = names[there]
+            yield SurfaceErrors(
+                name,
+                int(self._grounds[index + 1]),
+                int(self._knowns[index + 1]),
+                Errors.of(self._errors[there]),
+                int((given != "").sum()),
+                int(((given == name) & (given != "")).sum()),
+            )
+
+    def _by_face(self) -> Iterator[FaceErrors]:
+        kinds = self._true.kind[self._both]
+        for kind in (GROUND, TOP, UNDERSIDE):
+            if (kinds == kind).any():
+                yield FaceErrors(kind, Errors.of(self._errors[kinds == kind]))
 
 
 def _by_distance(distances: Floats, errors: Floats) -> Iterator[BandErrors]:

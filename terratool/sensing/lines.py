@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, get_args
 
 from terratool.report.numbers import coordinates, located, tenths
 from terratool.report.tables import align
@@ -15,6 +15,20 @@ if TYPE_CHECKING:
     from terratool.sensing.comparison import Errors, MapComparison
     from terratool.sensing.robot_map import RobotMap
 
+Face = Literal["top", "ground", "nearest"]
+"""What heights of a map are held against: the highest tops, the ground below all, or what is
+nearest, a top or an underside."""
+FaceKind = Literal["ground", "top", "underside"]
+"""Faces that patches are near to: the top of what is solid from below, other tops, undersides."""
+FACE_KINDS: tuple[FaceKind, ...] = get_args(FaceKind)
+_FACES: dict[Face, tuple[str, str]] = {
+    "top": ("the highest tops", ""),
+    "ground": ("the ground below all", ""),
+    "nearest": ("all tops", " in cells"),
+}
+"""Words for what a map is held against, and behind the count of that."""
+_KINDS = ("ground", "tops of storeys", "undersides")
+"""Words for kinds of faces, by their numbers."""
 _MOST_NAMES = 20
 """Most names of surfaces that are listed."""
 
@@ -32,6 +46,8 @@ def map_lines(robot_map: RobotMap, name: str, others: Sequence[str] = ()) -> Ite
         f"{name}: {count_of(robot_map.points, 'reading')} in {robot_map.seen:,} of {cells:,} "
         f"cells of {grid.resolution:g} m"
     )
+    if (patches := robot_map.patches) is not None:
+        yield from _patch_lines(patches.tolist(), robot_map.options.heights)
     if others:
         yield f"  With it: {join_words(others)}."
     names = [quote(name) for name in robot_map.surfaces[:_MOST_NAMES]]
@@ -42,16 +58,29 @@ def map_lines(robot_map: RobotMap, name: str, others: Sequence[str] = ()) -> Ite
         yield f"  Out of the bounds: {count_of(robot_map.outside, 'reading')}."
 
 
+def _patch_lines(patches: Sequence[int], most: int) -> Iterator[str]:
+    """Numbers of cells by how many patches they have, and what is left out."""
+    counts = [f"{cells:,} with {number}" for number, cells in enumerate(patches, 1) if cells]
+    yield f"  Patches of cells: {join_words(counts)}."
+    if beyond := sum((number - most) * cells for number, cells in enumerate(patches, 1)
+                     if number > most):  # fmt: skip
+        yield f"  Left out, over {count_of(most, 'patch')}: {beyond:,}."
+
+
 def comparison_lines(comparison: MapComparison) -> Iterator[str]:
     """Comparison of a map with its terrain, in lines for people."""
-    level, errors, worst = comparison.map.level, comparison.errors, comparison.worst
-    share = f"{tenths(comparison.coverage)} of the ground" if comparison.ground else "no ground"
+    errors, worst = comparison.errors, comparison.worst
+    side = f"{comparison.map.level.grid.resolution:g} m"
+    what, counted = _FACES[comparison.face]
+    of = "the ground" if not comparison.storeys else what
+    share = f"{tenths(comparison.coverage)} of {of}" if comparison.ground else "no ground"
     yield (
         f"{comparison.map.name}: {share}, {comparison.known:,} of "
-        f"{count_of(comparison.ground, 'cell')} of {level.grid.resolution:g} m"
+        f"{count_of(comparison.ground, comparison.unit)}{counted} of {side}"
     )
     if comparison.beyond:
-        yield f"  Without ground in the terrain: {count_of(comparison.beyond, 'cell')}."
+        cells = "cell" if comparison.map.gap is None else "patch"
+        yield f"  Without ground in the terrain: {count_of(comparison.beyond, cells)}."
     if worst is None:
         yield "  No cell is known in both, so nothing is said of heights."
         return
@@ -65,13 +94,28 @@ def comparison_lines(comparison: MapComparison) -> Iterator[str]:
     )
     if math.isfinite(comparison.within):
         yield f"  Within two standard deviations: {tenths(comparison.within)}."
+    if comparison.faces:
+        yield from _table(
+            ("nearest face", "patches", "RMSE", "bias"),
+            [
+                (_KINDS[one.kind], f"{one.errors.cells:,}", *_pair(one.errors))
+                for one in comparison.faces
+            ],
+        )
     yield from _table(
-        ("surface", "ground", "known", "RMSE", "bias", "right surface"),
+        (
+            "surface",
+            "ground" if comparison.unit == "cell" else "tops",
+            "known",
+            "RMSE",
+            "bias",
+            "right surface",
+        ),
         [
             (
                 quote(one.name) if one.name else "none",
                 f"{one.ground:,}",
-                tenths(one.errors.cells / one.ground),
+                tenths(one.known / one.ground) if one.ground else "",
                 *_pair(one.errors),
                 tenths(one.right / one.named) if one.named else "",
             )
@@ -82,7 +126,7 @@ def comparison_lines(comparison: MapComparison) -> Iterator[str]:
         yield "  The map does not say from how far it was seen."
         return
     yield from _table(
-        ("distance", "cells", "RMSE", "bias"),
+        ("distance", "cells" if comparison.map.gap is None else "patches", "RMSE", "bias"),
         [
             (
                 f"{one.low:g} to {one.high:g} m"

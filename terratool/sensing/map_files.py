@@ -42,11 +42,14 @@ from terratool.output import (
 from terratool.raster.geotiff import transform_of
 from terratool.raster.grid import Grid
 from terratool.raster.grid_map_bag import MOST_BYTES, TOPIC, GridMap, files_of_bag, write_grid_maps
+from terratool.sensing.lines import Face
 from terratool.sensing.robot_map import (
     FREE_CELLS,
     MOST_CELLS,
     MOST_LEVELS,
+    MOST_STOREYS,
     MapLevel,
+    MapOptions,
     RobotMap,
 )
 from terratool.text.numbers import parse_whole
@@ -61,8 +64,12 @@ BANDS = Bands(
     np.dtype(np.float64),
 )  # fmt: skip
 """Bands of each GeoTIFF; NaN in cells without readings."""
+PATCH = Bands((*BANDS.names, "depth"), (*BANDS.units, "m"), BANDS.dtype)
+"""Bands of each patch of a cell; those of the lowest patches come first, as elevation-1, …"""
 LEVEL, LEVELS, SURFACES = "TERRATOOL_MAP_LEVEL", "TERRATOOL_MAP_LEVELS", "TERRATOOL_MAP_SURFACES"
 """Tags of the level, the number of levels, and the names of surfaces as JSON."""
+STOREYS, GAP_TAG = "TERRATOOL_MAP_STOREYS", "TERRATOOL_MAP_GAP"
+"""Tags of the most patches of a cell, and of their gap, m; a map of one height a cell has none."""
 FIRST, LAST = "TERRATOOL_MAP_FIRST_TIME", "TERRATOOL_MAP_LAST_TIME"
 """Tags of the least and largest time of a reading, s."""
 _COMPANIONS = (
@@ -72,6 +79,8 @@ _COMPANIONS = (
 """Suffixes of the further files of a map; old ones would be taken for parts of a new map."""
 _MOST_READ = 1 << 26
 """Most pixels of a raster to be read."""
+_FREE_BANDS = 4 * PATCH.count
+"""Most bands of FREE_CELLS that a file may hold, whatever its size."""
 _SQUARE = 1e-9
 """Tolerated deviation of pixels from squares, as a share of their side."""
 _MOST_COUNT = 2.0**53
@@ -161,46 +170,65 @@ def write_map(
     """
     output.check()
     if output.bag is not None:
-        _refuse_large(robot_map.grid)
-    levels = [robot_map.level(level) for level in range(output.levels)]
+        _refuse_large(robot_map.grid, _bands_of(robot_map).count)
+    levels = [robot_map.storeys(level) for level in range(output.levels)]
     with whole_file(output.path, output.overwrite, _COMPANIONS) as part:
-        for level in levels:
-            name = part if not level.level else _beside(part, level.level)
+        for number, storeys in enumerate(levels):
+            name = part if not number else _beside(part, number)
             progress(f"writing {name.name}")
-            _write_level(name, level, output)
+            _write_level(name, storeys, robot_map.options, output)
     if output.bag is not None:
         progress(f"writing {output.bag.name}")
-        _write_bag(output, levels)
+        _write_bag(output, levels, _bands_of(robot_map))
     return [*output.files, *([output.bag] if output.bag is not None else [])]
 
 
-def pixels_of(level: MapLevel) -> NDArray[np.float64]:
-    """Bands of a level, (bands, height, width) float64, in the order of BANDS."""
+def storey_bands(storeys: int) -> Bands:
+    """Bands of a GeoTIFF of a map with so many patches a cell."""
+    numbers = range(1, storeys + 1)
+    names = tuple(f"{name}-{number}" for number in numbers for name in PATCH.names)
+    return Bands(names, PATCH.units * storeys, PATCH.dtype)
+
+
+def _bands_of(robot_map: RobotMap) -> Bands:
+    """Bands of a cell, or of a patch of it."""
+    return BANDS if robot_map.options.storeys is None else PATCH
+
+
+def pixels_of(level: MapLevel, bands: Bands = BANDS) -> NDArray[np.float64]:
+    """Bands of a level, (bands, height, width) float64."""
     never = np.isnan(level.elevation)
     return np.stack(
-        [np.where(never, np.nan, getattr(level, name)) for name in BANDS.names], dtype=np.float64
+        [np.where(never, np.nan, getattr(level, name)) for name in bands.names], dtype=np.float64
     )
 
 
-def _write_level(path: Path, level: MapLevel, output: MapOutput) -> None:
+def _write_level(
+    path: Path, storeys: Sequence[MapLevel], options: MapOptions, output: MapOutput
+) -> None:
+    level = storeys[0]
     grid, crs = level.grid, None if output.crs is None else read_crs(output.crs)
-    times = level.time[np.isfinite(level.time)]
+    times = np.concatenate([one.time[np.isfinite(one.time)] for one in storeys])
     # a small map gets smaller blocks
     width, height = (min(TILE, -(-n // _BLOCK) * _BLOCK) for n in (grid.width, grid.height))
+    bands, patch, patches = BANDS, BANDS, {}
+    if options.storeys is not None:
+        bands, patch = storey_bands(options.storeys), PATCH
+        patches = {STOREYS: str(options.storeys), GAP_TAG: repr(float(options.gap))}
     tags = {
         **software_tags("A robot's map"),
         LEVEL: str(level.level), LEVELS: str(output.levels),
-        SURFACES: json.dumps(level.surfaces, ensure_ascii=True),
+        SURFACES: json.dumps(level.surfaces, ensure_ascii=True), **patches,
         **({FIRST: repr(float(times.min())), LAST: repr(float(times.max()))} if times.size else {}),
     }  # fmt: skip
-    options = tile_options(BANDS.dtype, Compression(), size=(width, height))
-    profile = TiffProfile(grid.width, grid.height, transform_of(grid), crs, tags, options)
-    with geotiff(path, BANDS, profile) as file:
-        file.write(pixels_of(level))
+    tiling = tile_options(bands.dtype, Compression(), size=(width, height))
+    profile = TiffProfile(grid.width, grid.height, transform_of(grid), crs, tags, tiling)
+    with geotiff(path, bands, profile) as file:
+        file.write(np.concatenate([pixels_of(one, patch) for one in storeys]))
 
 
-def _refuse_large(grid: Grid) -> None:
-    size = 4 * BANDS.count * grid.width * grid.height
+def _refuse_large(grid: Grid, bands: int) -> None:
+    size = 4 * bands * grid.width * grid.height
     if size > MOST_BYTES:
         raise RequestError(
             f"{grid.width} × {grid.height} cells make a message of {size / 1e9:.1f} GB.",
@@ -208,21 +236,27 @@ def _refuse_large(grid: Grid) -> None:
         )
 
 
-def _write_bag(output: MapOutput, levels: Sequence[MapLevel]) -> None:
-    """Write a bag with a topic per level: /grid_map, /grid_map/level_1; ages replace times."""
+def _write_bag(output: MapOutput, levels: Sequence[Sequence[MapLevel]], bands: Bands) -> None:
+    """Write a bag with a topic per level: /grid_map, /grid_map/level_1; ages replace times.
+
+    Patches of a cell have topics of their own below these: /grid_map/storey_1, …
+    """
     assert output.bag is not None
-    times = [float(level.time[np.isfinite(level.time)].max(initial=-math.inf)) for level in levels]
-    last = max(times)
+    every = [one for storeys in levels for one in storeys]
+    last = max(float(one.time[np.isfinite(one.time)].max(initial=-math.inf)) for one in every)
     maps = []
-    for level in levels:
-        west, south, east, north = level.grid.bounds
-        bands = dict(zip(BANDS.names, pixels_of(level), strict=True))
-        # float32 is too coarse for seconds since 1970
-        bands["age"] = last - bands.pop("time")
-        layers = {name: values.astype(np.float32) for name, values in bands.items()}
-        topic = TOPIC if not level.level else f"{TOPIC}/level_{level.level}"
-        middle = 0.5 * (west + east), 0.5 * (south + north)
-        maps.append(GridMap(level.grid, middle, layers, topic))
+    for storeys in levels:
+        for number, level in enumerate(storeys, 1):
+            west, south, east, north = level.grid.bounds
+            pixels = dict(zip(bands.names, pixels_of(level, bands), strict=True))
+            # float32 is too coarse for seconds since 1970
+            pixels["age"] = last - pixels.pop("time")
+            layers = {name: values.astype(np.float32) for name, values in pixels.items()}
+            topic = TOPIC if not level.level else f"{TOPIC}/level_{level.level}"
+            if bands is PATCH:
+                topic += f"/storey_{number}"
+            middle = 0.5 * (west + east), 0.5 * (south + north)
+            maps.append(GridMap(level.grid, middle, layers, topic))
     with whole_folder(output.bag, output.overwrite, files_of_bag(output.bag)) as part:
         write_grid_maps(part, maps)
 
@@ -233,15 +267,25 @@ class MapFile:
 
     Attributes:
         name: name of the file.
-        level: cells of the map; bands that the file lacks are NaN, surfaces -1.
+        storeys: cells of the map, once for each patch of them, from below; bands that the file
+            lacks are NaN, surfaces -1.
         is_map: whether the file is a map of terratool.
         crs: reference system; None without one.
+        gap: gap of the patches, m; None if cells have one height.
+        face: what its heights are of, as far as the file tells.
     """
 
     name: str
-    level: MapLevel
+    storeys: tuple[MapLevel, ...]
     is_map: bool
     crs: CRS | None
+    gap: float | None = None
+    face: Face = "top"
+
+    @property
+    def level(self) -> MapLevel:
+        """Cells of the map, of their lowest patches."""
+        return self.storeys[0]
 
 
 def map_of(robot_map: RobotMap, level: int = 0) -> MapFile:
@@ -250,19 +294,26 @@ def map_of(robot_map: RobotMap, level: int = 0) -> MapFile:
     Raises:
         RequestError: the map has no such level.
     """
-    levels = robot_map.options.levels
-    if not 0 <= level < levels:
-        raise RequestError(f"The map has no level {level}.", f"Give one from 0 to {levels - 1}.")
-    return MapFile("the map", robot_map.level(level), is_map=True, crs=None)
+    options = robot_map.options
+    if not 0 <= level < options.levels:
+        raise RequestError(
+            f"The map has no level {level}.", f"Give one from 0 to {options.levels - 1}."
+        )
+    storeys = robot_map.storeys(level)
+    if options.storeys is None:
+        return MapFile("the map", storeys, is_map=True, crs=None)
+    return MapFile("the map", storeys, True, None, options.gap, "nearest")
 
 
 def heights_map(heights: NDArray[np.float64], grid: Grid, crs: CRS | None = None) -> MapFile:
     """Heights in memory as a map, (rows, columns) float64, row 0 in the north, NaN for none."""
-    return MapFile("the array", _level_of(heights[None], grid, 0, ()), is_map=False, crs=crs)
+    return MapFile("the array", (_level_of(heights[None], grid, 0, ()),), is_map=False, crs=crs)
 
 
 def read_map(path: str | Path) -> MapFile:
     """Read a level of a map, or the first band of another raster as heights.
+
+    A first band that is called `ground`, as that of an exported DEM, has heights of the ground.
 
     Raises:
         ReadError: the file cannot be read; its pixels are not real, not square, rotated or without
@@ -279,19 +330,52 @@ def read_map(path: str | Path) -> MapFile:
             )
         with gdal_errors(name):
             tags = file.tags()
-            is_map = LEVEL in tags and file.descriptions == BANDS.names
-            count = BANDS.count if is_map else 1
+            storeys, gap = _parse_storeys(name, tags)
+            bands = BANDS if gap is None else storey_bands(storeys)
+            is_map = LEVEL in tags and file.descriptions == bands.names
+            count = bands.count if is_map else 1
             _refuse_claims(name, file, count)
             read = file.read(list(range(1, count + 1)), masked=True)
             scale, offset = file.scales[0], file.offsets[0]
-            crs = file.crs
+            crs, first = file.crs, file.descriptions[0]
     with np.errstate(invalid="ignore", over="ignore"):  # values beyond MOST become NaN
         pixels = read.astype(np.float64).filled(np.nan)
         if (scale, offset) != (1.0, 0.0):
             pixels[0] = pixels[0] * scale + offset
     pixels[~(np.abs(pixels) < MOST)] = np.nan
-    level, surfaces = _parse_tags(name, tags, grid) if is_map else (0, ())
-    return MapFile(name, _level_of(pixels, grid, level, surfaces), is_map, crs)
+    if not is_map:
+        face: Face = "ground" if first == "ground" else "top"
+        return MapFile(name, (_level_of(pixels, grid, 0, ()),), False, crs, face=face)
+    level, surfaces = _parse_tags(name, tags, grid, storeys)
+    size = len(pixels) // storeys
+    of = tuple(
+        _level_of(pixels[k : k + size], grid, level, surfaces) for k in range(0, len(pixels), size)
+    )
+    if gap is None:
+        return MapFile(name, of, True, crs)
+    return MapFile(name, of, True, crs, gap, "nearest")
+
+
+def _parse_storeys(name: str, tags: dict[str, str]) -> tuple[int, float | None]:
+    """Most patches of a cell, and their gap, m; 1 and None for a raster of one height a cell.
+
+    Raises:
+        ReadError: the tags are invalid.
+    """
+    if STOREYS not in tags:
+        return 1, None
+    storeys = parse_whole(tags[STOREYS])
+    try:
+        gap = float(tags.get(GAP_TAG, ""))
+    except ValueError:
+        gap = math.nan
+    if storeys is None or not 1 <= storeys <= MOST_STOREYS or not 0.0 <= gap < math.inf:
+        raise _no_map(name)
+    return storeys, gap
+
+
+def _no_map(name: str) -> ReadError:
+    return ReadError(f"{name}: its tags are not those of a map.", "Make it anew: terratool map")
 
 
 def _refuse_claims(name: str, file: Any, count: int) -> None:
@@ -302,7 +386,7 @@ def _refuse_claims(name: str, file: Any, count: int) -> None:
     """
     if any(np.dtype(kind).kind not in "iuf" for kind in file.dtypes[:count]):
         raise ReadError(f"{name}: holds no real numbers.", "Name a raster of heights.")
-    size = 8 * BANDS.count * FREE_CELLS
+    size = 8 * min(max(count, BANDS.count), _FREE_BANDS) * FREE_CELLS
     if 8 * count * file.width * file.height > max(size, most_unpacked(size_on_disk(file) or 0)):
         raise ReadError(
             f"{name}: comes to more than {TIMES} times its size.",
@@ -310,7 +394,9 @@ def _refuse_claims(name: str, file: Any, count: int) -> None:
         )
 
 
-def _parse_tags(name: str, tags: dict[str, str], grid: Grid) -> tuple[int, tuple[str, ...]]:
+def _parse_tags(
+    name: str, tags: dict[str, str], grid: Grid, storeys: int
+) -> tuple[int, tuple[str, ...]]:
     """Parse the number of the level and the names of surfaces from the tags of a map.
 
     Raises:
@@ -321,9 +407,9 @@ def _parse_tags(name: str, tags: dict[str, str], grid: Grid) -> tuple[int, tuple
         surfaces = msgspec.json.decode(tags.get(SURFACES, ""), type=tuple[str, ...])
     except (msgspec.MsgspecError, UnicodeError):
         level = None
-    cells = grid.width * grid.height
+    cells = grid.width * grid.height * storeys
     if level is None or level >= MOST_LEVELS or cells << 2 * level > MOST_CELLS:
-        raise ReadError(f"{name}: its tags are not those of a map.", "Make it anew: terratool map")
+        raise _no_map(name)
     return level, surfaces
 
 

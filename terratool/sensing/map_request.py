@@ -12,6 +12,7 @@ from terratool.definition.findings import Bounds
 from terratool.errors import RequestError, WriteError
 from terratool.output import is_same_file
 from terratool.sensing.map_files import MapOutput
+from terratool.sensing.patches import GAP
 from terratool.sensing.robot_map import SIGMA, MapOptions, RobotMap, map_scans
 from terratool.sensing.sensor import Noise, Sensor, load_sensor
 
@@ -27,6 +28,9 @@ class MapRequest:
         resolution: side of the finest cells, m.
         levels: number of sizes of cells, each twice the one before; a file OUT.level-1.tif, … for
             each.
+        storeys: up to so many patches a cell, from below, in bands elevation-1, …, so that what
+            stands over other ground is one of its own; None for one height a cell.
+        gap: distance of heights up to which readings are of one patch, m; 0.5 if None.
         bounds: world rectangle west, south, east, north of the map; all readings if None.
         sensor_at: x, y and z of the sensor, m, for scans that do not say where it was.
         sigma: standard deviation of ranges, m; 0.02 if None.
@@ -38,6 +42,8 @@ class MapRequest:
 
     resolution: float
     levels: int = 3
+    storeys: int | None = None
+    gap: float | None = None
     bounds: Bounds | None = None
     sensor_at: Place | None = None
     sigma: float | None = None
@@ -47,7 +53,11 @@ class MapRequest:
     overwrite: bool = False
 
     def __post_init__(self) -> None:
-        MapOptions(self.resolution, self.levels)  # refuses numbers that make no map
+        self._options(Noise())  # refuses numbers that make no map
+        if self.gap is not None and self.storeys is None:
+            raise RequestError(
+                "--gap is about patches, and the map has none.", "Give --storeys, or leave it out."
+            )
         if self.sigma is not None and self.sensor is not None:
             raise RequestError(
                 "Both --sigma and --sensor say how far ranges are off.", "Keep one of them."
@@ -84,7 +94,11 @@ class MapRequest:
             noise = self.sensor.noise
         elif self.sensor is not None:
             noise = load_sensor(self.sensor).noise
-        return MapOptions(self.resolution, self.levels, noise)
+        return self._options(noise)
+
+    def _options(self, noise: Noise) -> MapOptions:
+        gap = GAP if self.gap is None else self.gap
+        return MapOptions(self.resolution, self.levels, noise, storeys=self.storeys, gap=gap)
 
     def read(
         self, scans: Sequence[str | Path], progress: Callable[[str], Any] = lambda _: None

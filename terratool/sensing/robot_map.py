@@ -3,12 +3,8 @@
 The cell of a reading on the finest level is found by thresholds, as the paper's operational
 environment Q(i, j) of i = Ψ(x), j = Ψ(y); a cell of level l holds 2^l × 2^l finest cells.
 
-Heights are fused by the Kalman filter of elevation mapping: Fankhauser, Bloesch, Gehring, Hutter
-and Siegwart, Robot-Centric Elevation Mapping with Uncertainty Estimates, CLAWAR 2014; Fankhauser,
-Bloesch and Hutter, Probabilistic Terrain Mapping for Mobile Robots with Uncertain Localization,
-IEEE RA-L 3(4), 2018. Two heights belong to one surface if their Mahalanobis distance is within a
-gate; else the higher one is the ground. github.com/ANYbotics/elevation_mapping does so within a
-scan, but keeps the old height where a later scan differs; here the higher one stays.
+Readings of a cell are fused into one height, or into a height for each patch of the cell, so that
+what stands over other ground is seen as such.
 """
 
 from __future__ import annotations
@@ -16,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -27,12 +24,13 @@ from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.terrain import refuse_empty
 from terratool.io.clouds import reader_of
-from terratool.io.points import MOST_NAMES
 from terratool.raster.grid import Grid, thresholds
 from terratool.report.numbers import coordinates
 from terratool.report.wording import count_of
 from terratool.sensing.clouds import Cloud, read_clouds
+from terratool.sensing.fusion import Batch, Fusion
 from terratool.sensing.lines import map_lines
+from terratool.sensing.patches import GAP, Patches, storeys_of
 from terratool.sensing.sensor import Noise
 from terratool.text.display import printable
 from terratool.text.files import is_pipe
@@ -47,6 +45,8 @@ CELLS_EACH = 100
 """Cells per reading that a larger map without bounds may have; outliers would make millions."""
 MOST_LEVELS = 12
 """Most levels of a map."""
+MOST_STOREYS = 16
+"""Most patches of a cell that a map keeps."""
 GATE = 2.5
 """Default gate: standard deviations between two heights of one surface."""
 SIGMA = 0.02
@@ -55,10 +55,6 @@ LEAST = 1e-4
 """Least standard deviation of the height of a reading, m."""
 RELIEF = 0.5
 """Default standard deviation of heights within a cell, as a share of its side."""
-_MULTI_HEIGHT = 0.003
-"""Standard deviation that a lower reading adds to a cell, m, as in elevation_mapping."""
-_ROUNDS = 4
-"""Iterations of the search for the top surface of a cell in a batch."""
 _FAR = 1e9
 """Bound on heights and on coordinates of a sensor, m, exclusive."""
 _SAME = 1e-3
@@ -76,6 +72,9 @@ class MapOptions:
         angle: standard deviation of the direction of a ray, rad.
         gate: standard deviations between two heights of one surface.
         relief: standard deviation of heights within a cell, as a share of its side.
+        storeys: most patches of a cell, 1 to MOST_STOREYS, the lowest ones; None for cells of one
+            height.
+        gap: distance of heights up to which readings are of one patch, m.
     """
 
     cell: float
@@ -84,6 +83,8 @@ class MapOptions:
     angle: float = 0.0
     gate: float = GATE
     relief: float = RELIEF
+    storeys: int | None = None
+    gap: float = GAP
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.cell) and 1e-6 <= self.cell <= 1e9):
@@ -94,11 +95,20 @@ class MapOptions:
             raise RequestError(
                 f"A map of {self.levels} levels is none.", f"Give 1 to {MOST_LEVELS} levels."
             )
-        for name in ("angle", "gate", "relief"):
+        if self.storeys is not None and not 1 <= self.storeys <= MOST_STOREYS:
+            raise RequestError(
+                f"A map of {self.storeys} storeys is none.", f"Give 1 to {MOST_STOREYS} storeys."
+            )
+        for name in ("angle", "gate", "relief", "gap"):
             if not 0.0 <= getattr(self, name) < math.inf:
                 raise RequestError(
                     f"The {name} of a map is {getattr(self, name):g}.", "Give a number from 0 on."
                 )
+
+    @property
+    def heights(self) -> int:
+        """Most heights of a cell."""
+        return 1 if self.storeys is None else self.storeys
 
     @property
     def coarsest(self) -> float:
@@ -140,6 +150,11 @@ class MapLevel:
     seen: Floats
     surfaces: tuple[str, ...]
 
+    @property
+    def depth(self) -> Floats:
+        """From the elevation down to the lowest reading, m."""
+        return np.maximum(self.elevation - self.lowest, 0.0)
+
 
 def map_grid(bounds: Bounds, options: MapOptions, *, anchored: bool = True) -> Grid:
     """Grid of the finest cells of a map, in whole cells of the coarsest level.
@@ -171,10 +186,12 @@ def map_grid(bounds: Bounds, options: MapOptions, *, anchored: bool = True) -> G
             starts.append(low)
             counts.append(max(math.ceil((high - low) / side - 1e-6), 1))
     cells = counts[0] * counts[1] * parts * parts
-    if cells > MOST_CELLS:
+    if cells * options.heights > MOST_CELLS:
+        storeys = "" if options.storeys is None else f", with {options.storeys} storeys each"
         raise RequestError(
-            f"Cells of {options.cell:g} m over {coordinates(bounds)} are {cells:,}.",
-            f"Give larger cells, or part of it by bounds; a map has up to {MOST_CELLS:,}.",
+            f"Cells of {options.cell:g} m over {coordinates(bounds)} are {cells:,}{storeys}.",
+            "Give larger cells, or part of it by bounds; a map has up to "
+            f"{MOST_CELLS // options.heights:,}.",
         )
     return Grid(starts[0], starts[1], options.cell, counts[1] * parts, counts[0] * parts)
 
@@ -230,14 +247,10 @@ class RobotMap:
     outside: int = 0
 
     def __post_init__(self) -> None:
-        cells = self.grid.width * self.grid.height
-        self._height, self._variance = np.zeros(cells), np.full(cells, np.inf)
-        self._low, self._high = np.full(cells, np.inf), np.full(cells, -np.inf)
-        self._count, self._ranged = np.zeros(cells, np.int64), np.zeros(cells, np.int64)
-        self._time, self._range = np.full(cells, -np.inf), np.zeros(cells)
-        self._numbers: dict[str, int] = {}
-        # votes by cell and surface: keys cell << 20 | surface, ascending
-        self._voted, self._votes = np.zeros(0, np.int64), np.zeros(0, np.int64)
+        options = self.options
+        slots = self.grid.width * self.grid.height if options.storeys is None else 0
+        self._fused = Fusion(slots, options.gate**2, (options.relief * options.cell) ** 2)
+        self._patches = None if options.storeys is None else Patches(options.gap, self._fused)
 
     def __repr__(self) -> str:
         sides = f"{self.grid.width:,} × {self.grid.height:,} cells of {self.grid.resolution:g} m"
@@ -253,12 +266,22 @@ class RobotMap:
     @property
     def surfaces(self) -> list[str]:
         """Names of surfaces in order of first occurrence."""
-        return [*self._numbers]
+        return [*self._fused.numbers]
 
     @property
     def seen(self) -> int:
         """Number of finest cells with readings."""
-        return int((self._count > 0).sum())
+        if self._patches is not None:
+            return len(np.unique(self._patches.cell))
+        return int((self._fused.count > 0).sum())
+
+    @property
+    def patches(self) -> NDArray[np.int64] | None:
+        """Numbers of finest cells with 1, 2, … patches, those left out included; None without."""
+        if self._patches is None:
+            return None
+        _, counts = np.unique(self._patches.cell, return_counts=True)
+        return np.bincount(counts)[1:]
 
     def add(self, cloud: Cloud) -> None:
         """Fuse a batch: its readings within each cell first, then these with the cell."""
@@ -270,92 +293,35 @@ class RobotMap:
         if not inside.any():
             return
         cell = (grid.height - 1 - row) * grid.width + column
-        batch = _Batch.of(cell, inside, cloud, height_variance(cloud, self.options, self.origin))
+        slot, rises = cell, None
+        if self._patches is not None:
+            slot = np.full(len(cell), -1)
+            slot[inside] = self._patches.place(cell[inside], cloud.points[inside, 2])
+            rises = self._rises(cloud)
+            self._fused = self._patches.fusion
+        variance = height_variance(cloud, self.options, self.origin)
+        batch = Batch.of(slot, inside, cloud, variance, rises)
         self.points += len(batch.group)
-        self._note(batch, cloud)
-        tau = (self.options.relief * side) ** 2
-        mean, variance, member = batch.top(self.options.gate**2, tau)
-        kept, replaced = self._fuse(batch.cells, mean, variance, tau)
-        if cloud.surface is not None:
-            self._vote(batch, cloud, member & kept[batch.group], batch.cells[replaced])
+        self._fused.add(batch, cloud, self.origin)
 
-    def _note(self, batch: _Batch, cloud: Cloud) -> None:
-        """Update least and largest height, count, time and range of the cells of a batch."""
-        cells = batch.cells
-        self._low[cells] = np.minimum(self._low[cells], batch.reduce(np.minimum, batch.heights))
-        self._high[cells] = np.maximum(self._high[cells], batch.reduce(np.maximum, batch.heights))
-        self._count[cells] += batch.sizes
-        if cloud.time is not None:
-            time = cloud.time[batch.order]
-            time = np.where(np.isfinite(time), time, -np.inf)
-            self._time[cells] = np.maximum(self._time[cells], batch.reduce(np.maximum, time))
-        ranges, origins = cloud.range, cloud.origin if cloud.origin is not None else self.origin
-        if ranges is None and origins is not None:
-            ranges = np.linalg.norm(cloud.points - origins, axis=1)
-        if ranges is not None:
-            ranges = ranges[batch.order]
-            known = np.isfinite(ranges)
-            self._range[cells] += batch.reduce(np.add, np.where(known, ranges, 0.0))
-            self._ranged[cells] += batch.reduce(np.add, known.astype(np.int64))
-
-    def _fuse(
-        self, cells: NDArray[np.int64], mean: Floats, variance: Floats, tau: float
-    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Update cells by the Kalman filter.
-
-        Returns:
-            Masks of the cells that took the batch, and of those whose height it replaced.
-        """
-        height, before = self._height[cells], self._variance[cells]
-        known = np.isfinite(before)
-        before = np.where(known, before, 0.0)
-        off = mean - height
-        near = known & (off**2 <= self.options.gate**2 * (before + variance + tau))
-        taken = ~known | (~near & (off > 0.0))
-        lower = ~near & ~taken
-        gain = np.where(near, before, 0.0) / (before + variance)
-        self._height[cells] = np.where(taken, mean, height + gain * off)
-        after = (1.0 - gain) * before + np.where(lower, _MULTI_HEIGHT**2, 0.0)
-        self._variance[cells] = np.where(taken, variance, after)
-        return ~lower, taken & known
-
-    def _vote(
-        self, batch: _Batch, cloud: Cloud, member: NDArray[np.bool_], replaced: NDArray[np.int64]
-    ) -> None:
-        """Count the surfaces of readings that `member` marks; `replaced` cells lose their votes."""
-        assert cloud.surface is not None
-        for name in cloud.surfaces:
-            self._numbers.setdefault(name, len(self._numbers))
-        if len(self._numbers) > MOST_NAMES:
-            raise RequestError(
-                f"The scans name more than {MOST_NAMES:,} surfaces.",
-                "Rename the column surface, if it holds something else.",
-            )
-        index = np.array([self._numbers[name] for name in cloud.surfaces], np.int64)
-        surface = cloud.surface[batch.order]
-        member = member & (surface >= 0)
-        keys = batch.cells[batch.group[member]] << 20 | index[surface[member]]
-        kept = slice(None) if not len(replaced) else ~np.isin(self._voted >> 20, replaced)
-        found, counts = np.unique(keys, return_counts=True)
-        merged = np.concatenate([self._voted[kept], found])
-        self._voted, at = np.unique(merged, return_inverse=True)
-        votes = np.concatenate([self._votes[kept], counts])
-        self._votes = np.bincount(at, votes, len(self._voted)).astype(np.int64)
+    def _rises(self, cloud: Cloud) -> NDArray[np.bool_] | None:
+        """Whether the ray of each reading rises; None where no place of the sensor is known."""
+        origins = cloud.origin if cloud.origin is not None else self.origin
+        return None if origins is None else cloud.points[:, 2] > origins[..., 2]
 
     def level(self, level: int) -> MapLevel:
-        """Cells of a level; coarse cells sum up all their finest cells."""
-        fine, parts = self.grid, 2**level
-        grid = replace(
-            fine,
-            resolution=fine.resolution * parts,
-            height=fine.height // parts,
-            width=fine.width // parts,
-        )
+        """Cells of a level; coarse cells sum up all their finest cells.
+
+        Of a map of patches these are the lowest ones; `storeys` has all.
+        """
+        if self._patches is not None:
+            return self.storeys(level)[0]
+        grid, parts, fused = self._grid_of(level), 2**level, self._fused
 
         def blocks(values: NDArray[Any]) -> NDArray[Any]:
             return values.reshape(grid.height, parts, grid.width, parts)
 
-        known = self._count > 0
+        known = fused.count > 0
         seen = blocks(known).sum(axis=(1, 3))
         never = seen == 0
         some = np.maximum(seen, 1)
@@ -363,105 +329,87 @@ class RobotMap:
         def nan_where(values: NDArray[Any], where: NDArray[np.bool_] = never) -> Floats:
             return np.where(where, np.nan, values)
 
-        ranged = blocks(self._ranged).sum(axis=(1, 3))
-        time = blocks(self._time).max(axis=(1, 3))
-        variance = blocks(np.where(known, self._variance, 0.0)).sum(axis=(1, 3)) / some**2
+        ranged = blocks(fused.ranged).sum(axis=(1, 3))
+        time = blocks(fused.time).max(axis=(1, 3))
+        variance = blocks(np.where(known, fused.variance, 0.0)).sum(axis=(1, 3)) / some**2
         # sums of differences from one height round less
-        base = float(self._height[known][0]) if known.any() else 0.0
-        height = blocks(np.where(known, self._height - base, 0.0)).sum(axis=(1, 3)) / some + base
+        base = float(fused.height[known][0]) if known.any() else 0.0
+        height = blocks(np.where(known, fused.height - base, 0.0)).sum(axis=(1, 3)) / some + base
         return MapLevel(
             level,
             grid,
             nan_where(height),
             nan_where(variance),
-            nan_where(blocks(self._low).min(axis=(1, 3))),
-            nan_where(blocks(self._high).max(axis=(1, 3))),
-            blocks(self._count).sum(axis=(1, 3)),
-            self._likeliest(grid, parts),
+            nan_where(blocks(fused.low).min(axis=(1, 3))),
+            nan_where(blocks(fused.high).max(axis=(1, 3))),
+            blocks(fused.count).sum(axis=(1, 3)),
+            fused.likeliest(partial(self._larger, level=level), never.size).reshape(never.shape),
             nan_where(time, ~np.isfinite(time)),
-            nan_where(blocks(self._range).sum(axis=(1, 3)) / np.maximum(ranged, 1), ranged == 0),
+            nan_where(blocks(fused.range).sum(axis=(1, 3)) / np.maximum(ranged, 1), ranged == 0),
             nan_where(seen / parts**2),
             tuple(self.surfaces),
         )
 
-    def _likeliest(self, grid: Grid, parts: int) -> NDArray[np.int32]:
-        """Surface with most votes in each cell, -1 for none; of equals the first to occur."""
-        fine, surface = self._voted >> 20, self._voted & (1 << 20) - 1
-        row, column = np.divmod(fine, self.grid.width)
-        cell = (row // parts) * grid.width + column // parts
-        keys, at = np.unique(cell << 20 | surface, return_inverse=True)
-        votes = np.bincount(at, self._votes, len(keys)).astype(np.int64)
-        order = np.lexsort((-(keys & (1 << 20) - 1), votes, keys >> 20))
-        out = np.full(grid.width * grid.height, -1, np.int32)
-        out[keys[order] >> 20] = keys[order] & (1 << 20) - 1  # of several the last is kept
-        return out.reshape(grid.height, grid.width)
+    def storeys(self, level: int) -> tuple[MapLevel, ...]:
+        """Cells of a level for each storey: their lowest patches first, then what is over these.
 
-
-@dataclass(frozen=True, slots=True)
-class _Batch:
-    """Readings of a cloud sorted by cell.
-
-    Attributes:
-        order: (n,) index of each reading in the cloud.
-        cells: (m,) indices of the cells, ascending.
-        starts: (m,) index of the first reading of each cell.
-        sizes: (m,) number of readings of each cell.
-        group: (n,) index into `cells` of each reading.
-        heights: (n,) heights of the readings, m.
-        variances: (n,) variances of the heights, m².
-    """
-
-    order: NDArray[np.int64]
-    cells: NDArray[np.int64]
-    starts: NDArray[np.int64]
-    sizes: NDArray[np.int64]
-    group: NDArray[np.int64]
-    heights: Floats
-    variances: Floats
-
-    @classmethod
-    def of(
-        cls, cell: NDArray[np.int64], inside: NDArray[np.bool_], cloud: Cloud, variance: Floats
-    ) -> _Batch:
-        """Sort the readings that `inside` marks by their cells."""
-        which = np.flatnonzero(inside)
-        order = which[np.argsort(cell[which], kind="stable")]
-        in_order = cell[order]
-        starts = np.flatnonzero(np.concatenate([[True], in_order[1:] != in_order[:-1]]))
-        sizes = np.diff(np.append(starts, len(order)))
-        group = np.repeat(np.arange(len(starts)), sizes)
-        heights, variances = cloud.points[order, 2], variance[order]
-        return cls(order, in_order[starts], starts, sizes, group, heights, variances)
-
-    def reduce(self, function: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
-        """Reduce values, (n,), over the readings of each cell, (m,)."""
-        out: NDArray[Any] = function.reduceat(values, self.starts)
-        return out
-
-    def top(self, gate: float, tau: float) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-        """Mean and variance of the highest surface of each cell, and which readings belong to it.
-
-        From the highest reading on, readings within the gate of the mean, or above, make the next
-        mean; a few iterations find the middle of a noisy surface.
-
-        Args:
-            gate: square of the gate, in standard deviations.
-            tau: variance of heights within a cell by relief, m².
+        Patches of a coarse cell are those of all readings in it. The height of one is the mean of
+        those of its finest patches.
         """
-        highest = self.reduce(np.maximum, self.heights)
-        below = self.heights - highest[self.group]
-        mean = np.zeros(len(self.cells))
-        variance = self.reduce(np.maximum, np.where(below == 0.0, self.variances, 0.0))
-        weights = 1.0 / self.variances
-        member = np.ones(len(below), bool)
-        for _ in range(_ROUNDS):
-            off = below - mean[self.group]
-            limit = gate * (self.variances + variance[self.group] + tau)
-            member = (off >= 0.0) | (off * off <= limit)
-            information = self.reduce(np.add, np.where(member, weights, 0.0))
-            mean = self.reduce(np.add, np.where(member, weights * below, 0.0)) / information
-            variance = 1.0 / information
-        return highest + mean, variance, member
+        if self._patches is None:
+            return (self.level(level),)
+        grid, fused = self._grid_of(level), self._patches.fusion
+        patches = self._patches.of_level(self._larger(self._patches.cell, level))
+        shape = self.options.heights, grid.height, grid.width
+        label, parts = patches.label, patches.parts
+        first = np.searchsorted(np.sort(label), np.arange(len(parts)))
+        order = np.argsort(label, kind="stable")
+
+        def over(function: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
+            out: NDArray[Any] = function.reduceat(values[order], first) if len(order) else values
+            return out
+
+        def placed(values: NDArray[Any], empty: float = math.nan) -> NDArray[Any]:
+            return storeys_of(values, patches, shape, empty)
+
+        # sums of differences from one height round less
+        base = fused.height[order][first]
+        height = over(np.add, fused.height - base[label]) / parts + base
+        time, ranged = over(np.maximum, fused.time), over(np.add, fused.ranged)
+        ranges = np.where(ranged, over(np.add, fused.range) / np.maximum(ranged, 1), np.nan)
+        bands = {
+            "elevation": placed(height),
+            "variance": placed(over(np.add, fused.variance) / parts**2),
+            "lowest": placed(over(np.minimum, fused.low)),
+            "highest": placed(over(np.maximum, fused.high)),
+            "count": placed(over(np.add, fused.count), 0),
+            "surface": placed(fused.likeliest(label.__getitem__, len(parts)), -1),
+            "time": placed(np.where(np.isfinite(time), time, np.nan)),
+            "distance": placed(ranges),
+            "seen": placed(patches.seen / 4.0**level),
+        }
+        surfaces = tuple(self.surfaces)
+        return tuple(
+            MapLevel(
+                level, grid, surfaces=surfaces, **{name: band[k] for name, band in bands.items()}
+            )
+            for k in range(self.options.heights)
+        )
+
+    def _grid_of(self, level: int) -> Grid:
+        """Grid of the cells of a level."""
+        fine, parts = self.grid, 2**level
+        return replace(
+            fine,
+            resolution=fine.resolution * parts,
+            height=fine.height // parts,
+            width=fine.width // parts,
+        )
+
+    def _larger(self, cell: NDArray[np.int64], level: int) -> NDArray[np.int64]:
+        """Cells of a level that hold finest cells, (n,) indices each."""
+        row, column = np.divmod(cell, self.grid.width)
+        return (row >> level) * (self.grid.width >> level) + (column >> level)
 
 
 def map_scans(

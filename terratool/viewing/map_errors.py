@@ -58,6 +58,8 @@ def write_picture(
         most = 1.0 / round_down(1.0 / most)  # the next of 1, 2 or 5 times a power of ten
         worst = comparison.worst
         caption = "Red is too high, blue too low."
+        if comparison.map.gap is not None:
+            caption += " Of several patches the one that is off most is drawn."
         if worst is not None:
             caption += " The ring is the worst place."
         if beyond := float((size > most).sum()):
@@ -69,15 +71,24 @@ def write_picture(
 
 
 def _title(comparison: MapComparison) -> str:
-    known = f"{tenths(comparison.coverage)} of the ground" if comparison.ground else "No ground"
+    of = "the ground" if comparison.face != "nearest" else "all tops"
+    known = f"{tenths(comparison.coverage)} of {of}" if comparison.ground else "No ground"
     if not comparison.errors.cells:
         return known
     return f"{known}, RMSE {comparison.errors.rmse:.3g} m"
 
 
 def _errors(comparison: MapComparison) -> NDArray[np.float64]:
-    """Map less terrain, (height, width) float64 m by cell; NaN where map or ground is unknown."""
-    return comparison.map.level.elevation - comparison.truth
+    """Map less terrain, (height, width) float64 m by cell; NaN where map or ground is unknown.
+
+    Of several patches of a cell the one counts that is off most.
+    """
+    truth = comparison.truth.reshape(-1, *comparison.truth.shape[-2:])
+    mapped = np.stack([one.elevation for one in comparison.map.storeys])
+    errors = mapped - truth
+    size = np.where(np.isnan(errors), -1.0, np.abs(errors)).argmax(axis=0)
+    out: NDArray[np.float64] = np.take_along_axis(errors, size[None], axis=0)[0]
+    return out
 
 
 def _picture(comparison: MapComparison, terrain: Terrain, grid: Grid, most: float) -> LayerPicture:
@@ -90,7 +101,7 @@ def _picture(comparison: MapComparison, terrain: Terrain, grid: Grid, most: floa
     shares = np.clip(0.5 + 0.5 * errors / most, 0.0, 1.0)
     of_cells = 255.0 * colormaps[_COLORS](np.nan_to_num(shares, nan=0.5))[..., :3]
     of_cells[np.isnan(errors)] = _NEVER
-    groundless = np.isfinite(level.elevation) & np.isnan(comparison.truth)
+    groundless = np.isfinite(level.elevation) & np.isnan(errors)
     of_cells[groundless] = _GROUNDLESS
     cells = level.grid
     column = np.floor((grid.columns(grid.whole) - cells.west) / cells.resolution).astype(np.int64)

@@ -13,6 +13,7 @@ import pytest
 from terratool.cli import map_ as command
 from terratool.errors import ReadError, RequestError
 from terratool.raster.grid import thresholds
+from terratool.sensing import fusion
 from terratool.sensing import robot_map as module
 from terratool.sensing.clouds import Cloud, read_clouds
 from terratool.sensing.export import ScanOutput, export_scan
@@ -420,7 +421,7 @@ def test_a_reading_that_is_far_off_makes_no_large_map(
 def test_names_of_several_scans_have_an_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "MOST_NAMES", 3)
+    monkeypatch.setattr(fusion, "MOST_NAMES", 3)
     paths = [tmp_path / f"{n}.csv" for n in range(2)]
     for n, path in enumerate(paths):
         path.write_text(f"x,y,z,surface\n1,2,3,a{n}\n1,2,3,b{n}\n")
