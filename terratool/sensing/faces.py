@@ -165,9 +165,8 @@ def _nearest_to(patch: MapLevel, middle: _Columns, fine: Floats, gap: float) -> 
 ]:  # fmt: skip
     """Height of the face nearest to a patch in each cell; surface, kind and interval at middles.
 
-    Of two faces that are as near the lower one counts. In a coarse cell faces at the middles of
-    the finest ones count, that are no farther than the gap from the patch, and the nearest of each
-    place; where there are none, the one that is nearest of all.
+    Of two faces that are as near the lower one counts. In a coarse cell it is the mean of the tops
+    at the middles of the finest ones, or that of the undersides there.
     """
     top = patch.elevation[..., None]
     low = top - np.nan_to_num(patch.depth)[..., None]
@@ -176,7 +175,12 @@ def _nearest_to(patch: MapLevel, middle: _Columns, fine: Floats, gap: float) -> 
     if fine.shape[2] == 1:
         height = _picked(fine[:, :, 0], at, known)
     else:
-        height = _mean_nearest(fine, top[..., None], low[..., None], gap)
+        sides = [
+            _mean_nearest(fine[..., side::2], top[..., None], low[..., None], gap)
+            for side in (0, 1)
+        ]
+        both = np.stack(sides, axis=-1)
+        height = _picked(both, *_least(np.abs(both - top)))
     height = np.where(np.isfinite(patch.elevation), height, np.nan)
     some = known & np.isfinite(height)
     surface = np.where(some, _picked(middle.surface, at, some, -1), -1).astype(np.int32)
@@ -185,7 +189,11 @@ def _nearest_to(patch: MapLevel, middle: _Columns, fine: Floats, gap: float) -> 
 
 
 def _mean_nearest(fine: Floats, top: Floats, low: Floats, gap: float) -> Floats:
-    """Mean height of the faces of the finest cells, (height, width, cells, 2 n), near a patch."""
+    """Mean height of the faces of the finest cells, (height, width, cells, n), near a patch.
+
+    Those count that are no farther than the gap from the patch, and the nearest of each place;
+    where there are none, the one that is nearest of all.
+    """
     off = np.abs(fine - top)
     near = np.where(np.maximum(fine - top, low - fine) <= gap, off, np.nan)
     at, known = _least(near)

@@ -64,7 +64,7 @@ def _patch_lines(patches: Sequence[int], most: int) -> Iterator[str]:
     yield f"  Patches of cells: {join_words(counts)}."
     if beyond := sum((number - most) * cells for number, cells in enumerate(patches, 1)
                      if number > most):  # fmt: skip
-        yield f"  Left out, over {count_of(most, 'patch')}: {beyond:,}."
+        yield f"  Left out, as more than {most} of a cell: {beyond:,}."
 
 
 def comparison_lines(comparison: MapComparison) -> Iterator[str]:

@@ -52,16 +52,16 @@ class LevelPatches(NamedTuple):
     Attributes:
         cell: int64 index of the cell.
         storey: int64 number of the patch in its cell, 0 for the lowest.
-        label: (finest patches,) number of the patch that has each patch of the finest cells.
-        parts: int64 number of patches of finest cells.
         seen: int64 number of finest cells.
+        label: (finest patches,) number of the patch that has each patch of the finest cells.
+        top: (finest patches,) whether each is the highest of its cell in that patch.
     """
 
     cell: Ints
     storey: Ints
-    label: Ints
-    parts: Ints
     seen: Ints
+    label: Ints
+    top: NDArray[np.bool_]
 
 
 class Patches:
@@ -100,11 +100,12 @@ class Patches:
         cells = np.empty(count, np.int64)
         cells[label] = cell
         first = np.searchsorted(cells, cells)
-        fine = np.unique(np.stack([label, self.cell]), axis=1)[0]
-        return LevelPatches(
-            cells, np.arange(count) - first, label, np.bincount(label, minlength=count),
-            np.bincount(fine, minlength=count),
-        )  # fmt: skip
+        order = np.lexsort((self.cell, label))
+        last = (np.diff(label[order], append=-1) != 0) | (np.diff(self.cell[order], append=-1) != 0)
+        top = np.zeros(len(label), np.bool_)
+        top[order[last]] = True
+        seen = np.bincount(label[top], minlength=count)
+        return LevelPatches(cells, np.arange(count) - first, seen, label, top)
 
 
 def storeys_of(values: NDArray[Any], patches: LevelPatches, shape: tuple[int, int, int],

@@ -354,15 +354,15 @@ class RobotMap:
         """Cells of a level for each storey: their lowest patches first, then what is over these.
 
         Patches of a coarse cell are those of all readings in it. The height of one is the mean of
-        those of its finest patches.
+        those of its highest patch in each finest cell.
         """
         if self._patches is None:
             return (self.level(level),)
         grid, fused = self._grid_of(level), self._patches.fusion
         patches = self._patches.of_level(self._larger(self._patches.cell, level))
         shape = self.options.heights, grid.height, grid.width
-        label, parts = patches.label, patches.parts
-        first = np.searchsorted(np.sort(label), np.arange(len(parts)))
+        label, top, seen = patches.label, patches.top, patches.seen
+        first = np.searchsorted(np.sort(label), np.arange(len(seen)))
         order = np.argsort(label, kind="stable")
 
         def over(function: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
@@ -374,19 +374,20 @@ class RobotMap:
 
         # sums of differences from one height round less
         base = fused.height[order][first]
-        height = over(np.add, fused.height - base[label]) / parts + base
+        height = over(np.add, np.where(top, fused.height - base[label], 0.0)) / seen + base
+        variance = over(np.add, np.where(top, fused.variance, 0.0)) / seen**2
         time, ranged = over(np.maximum, fused.time), over(np.add, fused.ranged)
         ranges = np.where(ranged, over(np.add, fused.range) / np.maximum(ranged, 1), np.nan)
         bands = {
             "elevation": placed(height),
-            "variance": placed(over(np.add, fused.variance) / parts**2),
+            "variance": placed(variance),
             "lowest": placed(over(np.minimum, fused.low)),
             "highest": placed(over(np.maximum, fused.high)),
             "count": placed(over(np.add, fused.count), 0),
-            "surface": placed(fused.likeliest(label.__getitem__, len(parts)), -1),
+            "surface": placed(fused.likeliest(label.__getitem__, len(seen)), -1),
             "time": placed(np.where(np.isfinite(time), time, np.nan)),
             "distance": placed(ranges),
-            "seen": placed(patches.seen / 4.0**level),
+            "seen": placed(seen / 4.0**level),
         }
         surfaces = tuple(self.surfaces)
         return tuple(
