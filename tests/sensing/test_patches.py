@@ -103,7 +103,7 @@ def test_the_gap_is_the_largest_distance_within_a_patch() -> None:
     assert patches_at(mapped(chain, relief=0.0), 3, 0) == [pytest.approx((3.0, 3.0, 0.0, 3.0, 13))]
     # later readings within it, 2.8 apart
     later = patches_at(mapped(chain, at(10, 20, 0.1, 2.9), relief=0.0), 3, 0)
-    assert [one[2:] for one in later] == [(0.0, 3.0, 15)]
+    assert later == [pytest.approx((3.0, 3.0, 0.0, 3.0, 15))]
 
 
 def test_a_reading_between_two_patches_joins_them() -> None:
