@@ -39,6 +39,7 @@ from terratool.mesh.request import AnyMeshReport
 from terratool.raster.dem import AnyDemReport, DemArrays
 from terratool.sensing.comparison import MapComparison
 from terratool.sensing.export import ScanReport
+from terratool.sensing.lines import Face
 from terratool.sensing.map_request import Place
 from terratool.sensing.readings import Frame
 from terratool.sensing.robot_map import RobotMap
@@ -353,6 +354,7 @@ class Terrain(ShownTerrain):
         *,
         level: int = 0,
         transform: Affine | Sequence[float] | None = None,
+        against: Face | None = None,
         picture: str | Path | None = None,
         overwrite: bool = False,
     ) -> MapComparison:
@@ -939,6 +941,8 @@ def map_scans(
     *,
     resolution: float,
     levels: int = 3,
+    storeys: int | None = None,
+    gap: float | None = None,
     bounds: Bounds | None = None,
     sensor_at: Place | None = None,
     sigma: float | None = None,

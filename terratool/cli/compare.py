@@ -12,6 +12,7 @@ from msgspec import UNSET, Struct, UnsetType
 
 from terratool.cli.command import Command
 from terratool.cli.options import (
+    WordChoice,
     finite,
     json_option,
     library_root_option,
@@ -43,8 +44,10 @@ if TYPE_CHECKING:
 @click.argument("file")
 @click.option(
     "--against",
-    type=click.Choice(get_args(Face)),
-    help="What heights are held against.  [default: nearest for patches, else top]",
+    type=WordChoice(get_args(Face)),
+    metavar="WHAT",
+    help=f"What its heights are of: {', '.join(get_args(Face))}.  [default: nearest for patches, "
+    "else top]",
 )
 @click.option("--picture", metavar="OUT.png", help="Draw where the map is too high or too low.")
 @click.option(

@@ -22,7 +22,7 @@ GROUND, TOP, UNDERSIDE = 0, 1, 2
 
 
 class Truth(NamedTuple):
-    """What a terrain has in cells, (storeys, height, width) each, for each patch of the map.
+    """Faces of a terrain in the cells of a map, (storeys, height, width) each.
 
     Attributes:
         height: float64 heights, m; NaN where there is none.
@@ -49,7 +49,7 @@ class Truth(NamedTuple):
         return self.tops[seen]
 
 
-class _Columns(NamedTuple):
+class _CellFaces(NamedTuple):
     """Faces of columns from below, (…, 2 n) each, a bottom before its top.
 
     Attributes:
@@ -160,7 +160,7 @@ def _nearest(
     return Truth(height, surface, kind, of, tops)
 
 
-def _nearest_to(patch: MapLevel, middle: _Columns, fine: Floats, gap: float) -> tuple[
+def _nearest_to(patch: MapLevel, middle: _CellFaces, fine: Floats, gap: float) -> tuple[
     Floats, NDArray[np.int32], NDArray[np.int8], Ints
 ]:  # fmt: skip
     """Height of the face nearest to a patch in each cell; surface, kind and interval at middles.
@@ -216,14 +216,14 @@ def _picked(
     return np.where(known, np.take_along_axis(values, at[..., None], axis=-1)[..., 0], empty)
 
 
-def _faces(column: PointColumns, terrain: Terrain) -> _Columns:
+def _faces(column: PointColumns, terrain: Terrain) -> _CellFaces:
     shape = *column.top.shape[:-1], 2 * column.top.shape[-1]
 
     def woven(bottom: NDArray[Any], top: NDArray[Any]) -> NDArray[Any]:
         return np.stack([bottom, top], axis=-1).reshape(shape)
 
     low = np.isneginf(column.bottom)
-    return _Columns(
+    return _CellFaces(
         woven(np.where(low, np.nan, column.bottom), column.top),
         woven(_surface_below(column, terrain), column.surface),
         woven(np.full(low.shape, UNDERSIDE, np.int8), np.where(low, GROUND, TOP).astype(np.int8)),

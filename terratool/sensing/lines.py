@@ -16,10 +16,9 @@ if TYPE_CHECKING:
     from terratool.sensing.robot_map import RobotMap
 
 Face = Literal["top", "ground", "nearest"]
-"""What heights of a map are held against: the highest tops, the ground below all, or what is
-nearest, a top or an underside."""
+"""Face of a terrain that heights of a map are held against; the nearest may be an underside."""
 FaceKind = Literal["ground", "top", "underside"]
-"""Faces that patches are near to: the top of what is solid from below, other tops, undersides."""
+"""Kind of a face: the top of what is solid from below, another top, or an underside."""
 FACE_KINDS: tuple[FaceKind, ...] = get_args(FaceKind)
 _FACES: dict[Face, tuple[str, str]] = {
     "top": ("the highest tops", ""),

@@ -65,7 +65,7 @@ BANDS = Bands(
 )  # fmt: skip
 """Bands of each GeoTIFF; NaN in cells without readings."""
 PATCH = Bands((*BANDS.names, "depth"), (*BANDS.units, "m"), BANDS.dtype)
-"""Bands of each patch of a cell; those of the lowest patches come first, as elevation-1, …"""
+"""Bands of a patch of a cell."""
 LEVEL, LEVELS, SURFACES = "TERRATOOL_MAP_LEVEL", "TERRATOOL_MAP_LEVELS", "TERRATOOL_MAP_SURFACES"
 """Tags of the level, the number of levels, and the names of surfaces as JSON."""
 STOREYS, GAP_TAG = "TERRATOOL_MAP_STOREYS", "TERRATOOL_MAP_GAP"
@@ -237,9 +237,9 @@ def _refuse_large(grid: Grid, bands: int) -> None:
 
 
 def _write_bag(output: MapOutput, levels: Sequence[Sequence[MapLevel]], bands: Bands) -> None:
-    """Write a bag with a topic per level: /grid_map, /grid_map/level_1; ages replace times.
+    """Write a bag with a topic for each level and patch; ages replace times.
 
-    Patches of a cell have topics of their own below these: /grid_map/storey_1, …
+    Topics of levels are /grid_map and /grid_map/level_1, those of patches /grid_map/storey_1.
     """
     assert output.bag is not None
     every = [one for storeys in levels for one in storeys]
