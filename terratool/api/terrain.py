@@ -579,7 +579,7 @@ class UserTerrain(ShownTerrain):
         files.check()
         wanted = fill(DiffOptions, options, vehicles=tuple(_vehicles(vehicles)))
         new = other if isinstance(other, UserTerrain) else load(other)
-        for one in (self, new):
+        for one in (self, new) if wanted.vehicles else ():
             one.ground_only()
         before, after = DiffSide(self._checked(), self), DiffSide(new._checked(), new)
         compared = diff(before, after, wanted)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from msgspec import structs
+from msgspec import UNSET, UnsetType, structs
 
 from terratool.definition.findings import Bounds
 from terratool.errors import DefinitionError, RequestError
@@ -24,9 +24,11 @@ from terratool.viewing.diff.results import (
     Difference,
     GroundChange,
     KeyChange,
+    StoreyChange,
     VerdictChange,
 )
 from terratool.viewing.diff.sides import DiffSide, surface_key
+from terratool.viewing.diff.storeys import compare_storeys
 from terratool.viewing.diff.texts import TextDifference, compare_texts
 from terratool.viewing.diff.verdicts import compare_verdicts
 
@@ -109,17 +111,28 @@ def diff(
         notes.append("The ground is not compared, as the two have different reference systems.")
     else:
         regions: Any = None if options.everywhere else _regions(old, new, texts, bool(frame))
-        both = Both(old.ground, new.ground, bounds, regions, texts.entries.names.surfaces)
-    notes += [
-        f"{which} terrain: {sentence}"
-        for which, side in (("Old", old), ("New", new))
-        for sentence in side.ground.hidden
-    ]
+        surfaces = texts.entries.names.surfaces
+        whole = old.terrain, new.terrain
+        both = Both(
+            old.ground, new.ground, bounds, regions, surfaces,
+            None if all(one.storeys is None for one in whole) else whole,
+        )  # fmt: skip
+    if options.vehicles:
+        notes += [
+            f"Verdicts on the {which} terrain: {sentence}"
+            for which, side in (("old", old), ("new", new))
+            for sentence in side.ground.hidden
+        ]
+    storeys: tuple[StoreyChange, ...] | UnsetType = UNSET
     if differs and both is not None:
         if progress is not None:
             progress.say("comparing the ground")
         ground = compare_ground(both, tolerance=options.min_change, resolution=options.resolution)
         ground = _with_outside(ground, both, options.bounds)
+        if both.whole is not None:
+            storeys = compare_storeys(
+                *both.whole, bounds=both.bounds, regions=both.regions, tolerance=options.min_change
+            )
         verdicts = tuple(
             compare_verdicts(
                 old.ground, new.ground, vehicle, bounds=both.bounds,
@@ -138,6 +151,7 @@ def diff(
         notes=tuple(notes),
         ground=ground,
         verdicts=verdicts,
+        storeys=storeys,
     )
     return ComparedDefinitions(difference, both)
 

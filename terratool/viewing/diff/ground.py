@@ -69,6 +69,7 @@ class Both:
         bounds: world rectangle that both have in common.
         regions: world rectangles outside of which nothing differs; None where anything may.
         surfaces: new names of renamed surfaces, by their old names.
+        whole: both terrains with their decks and bores; None if neither has any.
     """
 
     old: Terrain
@@ -76,6 +77,7 @@ class Both:
     bounds: Bounds
     regions: tuple[Bounds, ...] | None
     surfaces: Mapping[str, str]
+    whole: tuple[Terrain, Terrain] | None = None
 
     @property
     def names(self) -> list[str | None]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, get_args
+
+from msgspec import UNSET
 
 from terratool.report.documents import json_text
 from terratool.report.markup import escape_markdown, markdown_row
@@ -12,6 +14,7 @@ from terratool.report.wording import count_of
 from terratool.report.workflow import annotation
 from terratool.text.display import printable, quote
 from terratool.viewing.diff.results import (
+    ChangeKind,
     Comparison,
     DiffDocument,
     Difference,
@@ -22,6 +25,8 @@ from terratool.viewing.diff.results import (
     FileStatus,
     GroundChange,
     KeyChange,
+    Pair,
+    StoreyChange,
     VerdictChange,
 )
 
@@ -39,6 +44,10 @@ _UNKNOWN = "unknown"
 """Name of the class of ground without a verdict."""
 _SIGNS = {"added": "+", "removed": "-", "moved": "~", "changed": "~", "renamed": "~"}
 _DICTIONARIES = {"surface": "worn by", "primitive": "used by", "part": "stands in"}
+_FACES = {
+    "deck": ("top", "underside", "clearance"), "bore": ("floor", "ceiling", "clearance"),
+}  # fmt: skip
+"""Words for both faces of a storey, and for the room below the second."""
 _STATUS: dict[FileStatus, str] = {
     "same": "same terrain", "different": "different", "added": "added", "removed": "removed",
     "invalid": "invalid", "unreadable": "unreadable",
@@ -94,7 +103,9 @@ def lines_of(found: Difference, most: int, rest: str = ALL) -> Iterator[str]:
     yield from _limit_lines(found.entries, most, _entry, rest)
     yield from _limit_lines(_groups([*found.elements, *found.tracks]), most, _group, rest)
     if found.ground is not None:
-        yield from _ground(found.ground)
+        yield from _ground(found.ground, bare=found.storeys is not UNSET)
+    if found.storeys is not UNSET:
+        yield from _storeys(found.storeys, most, rest)
     for verdict in found.verdicts:
         yield from _verdict(verdict, most, rest)
     for note in found.notes:
@@ -197,15 +208,16 @@ def _area(area: float, whole: float) -> str:
     return f"{area:.6g} m²{share}"
 
 
-def _ground(ground: GroundChange) -> Iterator[str]:
+def _ground(ground: GroundChange, bare: bool) -> Iterator[str]:
+    name = "ground without storeys" if bare else "ground"
     grid = pixels(ground.grid.width, ground.grid.height, ground.grid.resolution)
     if ground.is_same:
-        yield f"ground: no difference at the centres of {grid}"
+        yield f"{name}: no difference at the centres of {grid}"
         return
     about = ""
     if ground.error > 1e-9 * (ground.cut + ground.fill):
         about = f" ({ground.error:.2g} apart from pixels twice as wide)"
-    yield f"ground: cut {ground.cut:.6g} m³, fill {ground.fill:.6g} m³{about}"
+    yield f"{name}: cut {ground.cut:.6g} m³, fill {ground.fill:.6g} m³{about}"
     if ground.changed:
         assert ground.around is not None
         box = located(ground.around, ground.grid.resolution)
@@ -233,6 +245,59 @@ def _ground(ground: GroundChange) -> Iterator[str]:
         names = f"{surface.old or 'none'} → {surface.new or 'none'}"
         yield f"  surface {names}: {_area(surface.area, ground.common)}"
     yield f"  compared at the centres of {grid}"
+
+
+def _storeys(changes: Sequence[StoreyChange], most: int, rest: str) -> Iterator[str]:
+    counts = [
+        f"{count:,} {kind}"
+        for kind in get_args(ChangeKind)
+        if (count := sum(change.kind == kind for change in changes))
+    ]
+    yield f"storeys: {', '.join(counts) or 'no difference'}"
+    yield from (f"  {line}" for line in _limit_lines(changes, most, _storey, rest))
+
+
+def _storey(change: StoreyChange) -> str:
+    """Storey in a line: all figures of one that came or went, of others those that differ."""
+    old, new = change.old, change.new
+    one = new or old
+    assert one is not None
+    words = _FACES[change.what]
+    text = f"{_SIGNS[change.kind]} {change.what} {one.pointer}"
+    if old is None or new is None:
+        parts = [
+            f"{word} {_heights(heights)} m"
+            for word, heights in zip(words, (one.top, one.face, one.clearance), strict=True)
+            if heights
+        ]  # fmt: skip
+        parts.append(f"volume {one.volume:.6g} m³")
+        return f"{text} {change.kind}: {', '.join(parts)}"
+    if old.pointer != new.pointer:
+        text += f", before {old.pointer}"
+    parts = [] if change.shift is None else [
+        f"moved by ({', '.join(f'{way:.6g}' for way in change.shift)})"
+    ]  # fmt: skip
+    parts += [
+        f"{word} {_heights(by, '+')} m"
+        for word, by in zip(words, (change.top, change.face, change.clearance), strict=True)
+        if by
+    ]
+    if change.clearance is None and (old.clearance is None) != (new.clearance is None):
+        rooms = (f"{_heights(r)} m" if r else "none" for r in (old.clearance, new.clearance))
+        parts.append(f"clearance {' → '.join(rooms)}")
+    for word, unit, *sizes in (
+        ("area", "m²", old.area, new.area), ("volume", "m³", old.volume, new.volume)
+    ):  # fmt: skip
+        before, after = (f"{size:.6g}" for size in sizes)
+        if before != after:
+            parts.append(f"{word} {before} → {after} {unit}")
+    return f"{text}: {', '.join(parts)}"
+
+
+def _heights(heights: Pair, sign: str = "") -> str:
+    """Least and largest height, or one where they are equal to six digits."""
+    low, high = (f"{height:{sign}.6g}" for height in heights)
+    return low if low == high else f"{low} to {high}"
 
 
 def _verdict(verdict: VerdictChange, most: int, rest: str) -> Iterator[str]:

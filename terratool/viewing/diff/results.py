@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, get_args
 
-from msgspec import Struct
+from msgspec import UNSET, Struct, UnsetType
 
 from terratool.definition.findings import Bounds
 from terratool.report.documents import Count, Document, each_of
@@ -193,6 +193,51 @@ class GroundChange(Struct, frozen=True):
         return self.largest is None and not self.surfaces and not any(areas)
 
 
+class ComparedStorey(Struct, frozen=True):
+    """A deck or a bore of one side, at the centres of pixels over its footprint.
+
+    Attributes:
+        pointer: JSON pointer of its element, with that of a copy or in a part.
+        bounds: world rectangle around its footprint.
+        top: least and largest height of its top, or of the floor of a bore; None for none.
+        face: those of its underside, or of its ceiling.
+        clearance: least and largest room below that, down to the next top; None for none.
+        area: area of its footprint, without holes.
+        volume: volume between its faces.
+    """
+
+    pointer: str
+    bounds: Bounds
+    top: Pair | None
+    face: Pair | None
+    clearance: Pair | None
+    area: float
+    volume: float
+
+
+class StoreyChange(Struct, frozen=True):
+    """A difference in a deck or a bore.
+
+    Attributes:
+        kind: kind of the change.
+        what: what it is.
+        old, new: the storey on each side; None where it is only on the other one.
+        shift: movement to the east and to the north; None if its size differs, too, or it stays.
+        top: least and largest change of the top, or of the floor; None within the tolerance.
+        face: those of the underside, or of the ceiling.
+        clearance: those of the room below that.
+    """
+
+    kind: ChangeKind
+    what: Literal["deck", "bore"]
+    old: ComparedStorey | None = None
+    new: ComparedStorey | None = None
+    shift: Pair | None = None
+    top: Pair | None = None
+    face: Pair | None = None
+    clearance: Pair | None = None
+
+
 class Flip(Struct, frozen=True):
     """Ground that changed from one class of verdicts to another.
 
@@ -246,6 +291,8 @@ class Difference(Struct, frozen=True):
         notes: sentences on differences that change no terrain.
         ground: differences of the ground; None where it cannot differ, or cannot be compared.
         verdicts: differences of verdicts, for each vehicle that was asked for.
+        storeys: decks and bores that differ; not there if neither terrain has any, or they are not
+            compared.
     """
 
     old: str
@@ -258,6 +305,7 @@ class Difference(Struct, frozen=True):
     notes: tuple[str, ...] = ()
     ground: GroundChange | None = None
     verdicts: tuple[VerdictChange, ...] = ()
+    storeys: tuple[StoreyChange, ...] | UnsetType = UNSET
 
     def count(self, kind: ChangeKind) -> int:
         """Number of elements and tracks with a kind of change."""
