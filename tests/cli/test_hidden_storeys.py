@@ -104,18 +104,18 @@ def test_many_files_are_judged(bridge: Path, tmp_path: Path) -> None:
     assert said == [f"{bridge}: {note}"]
 
 
-def test_a_difference_tells_of_both_terrains(bridge: Path, tmp_path: Path) -> None:
-    """What is cut and filled is the ground; a deck that is higher is a change all the same."""
+def test_verdicts_of_a_difference_are_of_the_ground(bridge: Path, tmp_path: Path) -> None:
+    """A deck that is thicker is a change; only where verdicts are compared it is left out."""
     other = json.loads(bridge.read_text("utf-8"))
     other["elemTree"]["children"][0]["deck"]["thickness"] = 0.75
     new = tmp_path / "new.json"
     new.write_text(json.dumps(other), "utf-8")
     (found,) = json.loads(call("diff", bridge, new, "--json").out)["files"]
-    assert found["status"] == "different"
-    notes = found["difference"]["notes"]
-    assert notes == [f"Old terrain: {NOTE}", f"New terrain: {NOTE}"]
-    (same,) = json.loads(call("diff", bridge, bridge, "--json").out)["files"]
-    assert same["status"] == "same"
+    assert found["status"] == "different" and found["difference"]["notes"] == []
+    words = "--vehicle", ROVER, "--resolution", 0.25, "--json"
+    (judged,) = json.loads(call("diff", bridge, new, *words).out)["files"]
+    notes = judged["difference"]["notes"]
+    assert notes == [f"Verdicts on the {side} terrain: {NOTE}" for side in ("old", "new")]
 
 
 def test_ruts_are_driven_on_the_ground(bridge: Path, tmp_path: Path) -> None:

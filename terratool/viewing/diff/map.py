@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from terratool.errors import RequestError
 from terratool.io.bands import Bands, BandStatistics
@@ -15,13 +17,22 @@ from terratool.output import refuse_existing, refuse_missing_folder, whole_file
 from terratool.raster.export import refuse_full_disk
 from terratool.raster.formats import raster_format
 from terratool.raster.geotiff import RasterExtent, terrain_tiff
-from terratool.raster.grid import Grid, default_resolution, grid_over
+from terratool.raster.grid import Grid, Window, default_resolution, grid_over
 from terratool.raster.statistics import band_statistics
 from terratool.tasks import processors
 from terratool.viewing.diff.ground import Both, paint_windows
+from terratool.viewing.diff.tops import paint_tops
 
 BANDS = Bands(("new less old height", "surface differs"), ("m", ""), np.dtype(np.float32))
 """Bands of a map: NaN where either side has no ground; the second has 1 where surfaces differ."""
+
+
+TOPS = Bands(
+    (*BANDS.names, "new less old highest top", "new less old clearance"),
+    (*BANDS.units, "m", "m"),
+    BANDS.dtype,
+)
+"""Bands of a map where either terrain has decks or bores; the clearance is that over the ground."""
 
 
 def refuse_map(path: str | Path, overwrite: bool) -> None:
@@ -71,22 +82,37 @@ def write_map(
     """
     refuse_map(path, overwrite)
     grid, threads = map_grid(both, resolution), processors()
-    refuse_full_disk(Path(path), grid, (BANDS,), raster_format(Path(path)))
-    options = tile_options(BANDS.dtype, Compression(), threads)
-    statistics = [BandStatistics()] * BANDS.count
+    bands = BANDS if both.whole is None else TOPS
+    refuse_full_disk(Path(path), grid, (bands,), raster_format(Path(path)))
+    options = tile_options(bands.dtype, Compression(), threads)
+    statistics = [BandStatistics()] * bands.count
     with (
         whole_file(path, overwrite, COMPANIONS) as part,
-        terrain_tiff(part, RasterExtent(both.new, grid), BANDS, options) as file,
+        terrain_tiff(part, RasterExtent(both.new, grid), bands, options) as file,
     ):
         windows = list(grid.windows(TILE, TILE))
-        for window, seen in paint_windows(both, grid, windows, threads):
-            change = seen.change
-            other = (seen.old_surface != seen.new_surface).astype(np.float32)
-            other[np.isnan(change)] = np.nan
-            pixels = np.stack([change.astype(np.float32), other])
+        for window, planes in _planes(both, grid, windows, threads):
+            pixels = np.stack(planes)
             file.write(pixels, window.row, window.column)
             found = map(band_statistics, pixels)
             statistics = [a + b for a, b in zip(statistics, found, strict=True)]
             if progress is not None:
                 progress(window.height * window.width)
         file.finish(statistics)
+
+
+def _planes(
+    both: Both, grid: Grid, windows: Sequence[Window], threads: int
+) -> Iterator[tuple[Window, list[NDArray[Any]]]]:
+    """Yield windows with their planes, band by band."""
+    ground = paint_windows(both, grid, windows, threads)
+    tops = None if both.whole is None else paint_tops(both, grid, windows, 0.0, threads)
+    for window, seen in ground:
+        change = seen.change
+        other = (seen.old_surface != seen.new_surface).astype(np.float32)
+        other[np.isnan(change)] = np.nan
+        planes = [change.astype(np.float32), other]
+        if tops is not None:
+            _, found = next(tops)
+            planes += [found.seen.change.astype(np.float32), found.room.astype(np.float32)]
+        yield window, planes

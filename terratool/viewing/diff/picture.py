@@ -1,16 +1,21 @@
-"""Picture of a difference: cut and fill in red and blue over the new ground."""
+"""Picture of a difference: cut and fill in red and blue over the new ground, or the new tops."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from msgspec import UNSET
+from numpy.typing import NDArray
 
 from terratool.io.geotiff import TILE
 from terratool.raster.grid import Grid, Window, grid_over
+from terratool.report.wording import count_of
 from terratool.tasks import processors
 from terratool.viewing.diff.ground import Both, ComparedWindow, paint_windows
 from terratool.viewing.diff.results import Difference
+from terratool.viewing.diff.tops import paint_tops
 from terratool.viewing.differences import (
     LIGHT,
     DifferenceSheet,
@@ -25,7 +30,7 @@ from terratool.viewing.sheet import Legend, Scale, Swatch, number, settings
 _COLORS = "RdBu"
 """Matplotlib's map from red (cut) to blue (fill), distinct for any kind of colour vision."""
 _SAME = (226, 226, 222)
-_LOST, _GAINED, _SURFACE = (40, 40, 40), (240, 228, 66), (204, 187, 214)
+_LOST, _GAINED, _SURFACE, _BELOW = (40, 40, 40), (240, 228, 66), (204, 187, 214), (230, 159, 0)
 
 
 def write_picture(
@@ -53,9 +58,11 @@ def write_picture(
         picture = _picture(both, grid, tolerance)
         factor = shading_factor(picture)
         steeper = f"; slopes shaded {factor:g} times as steep" if factor != 1.0 else ""
-        caption = (
-            f"Red was cut, blue was filled; the new ground, light from the north-west{steeper}."
-        )
+        what = (
+            "Red was cut, blue was filled; the new ground" if both.whole is None
+            else "Red is lower, blue is higher: the new tops, seen from above"
+        )  # fmt: skip
+        caption = f"{what}, light from the north-west{steeper}."
         drawn = DifferenceSheet(picture, _title(difference), caption)
         write_sheet(drawn, places, both.new, path, overwrite)
 
@@ -65,14 +72,18 @@ def _title(difference: Difference) -> str:
     if ground is None:
         return "Same ground"
     cut, fill = (number(float(f"{volume:.4g}")) for volume in (ground.cut, ground.fill))
-    return f"Cut {cut} m³, filled {fill} m³"
+    title = f"Cut {cut} m³, filled {fill} m³"
+    if difference.storeys is UNSET:
+        return title
+    count = len(difference.storeys)
+    return f"{title}; {count_of(count, 'storey')} differ{'s' * (count == 1)}"
 
 
 def _picture(both: Both, grid: Grid, tolerance: float) -> LayerPicture:
     """Colours and legend of all pixels."""
     from matplotlib import colormaps
 
-    seen = _paint(both, grid)
+    seen, below = _paint(both, grid, tolerance)
     change, was, now = seen.change, np.isfinite(seen.old), np.isfinite(seen.new)
     size = np.abs(change)
     beyond = size > tolerance
@@ -81,35 +92,51 @@ def _picture(both: Both, grid: Grid, tolerance: float) -> LayerPicture:
     colors[:] = _SAME
     other = was & now & (seen.old_surface != seen.new_surface)
     colors[other] = _SURFACE
+    colors[below] = _BELOW
     if beyond.any():
         colors[beyond] = 255.0 * colormaps[_COLORS](0.5 + 0.5 * change[beyond] / most)[:, :3]
     lost, gained = was & ~now, now & ~was
     colors[lost], colors[gained] = _LOST, _GAINED
     swatches = [Swatch("no change", _SAME)]
     for mask, label, color in (
-        (other & ~beyond, "other surface", _SURFACE), (lost, "became void", _LOST),
+        (other & ~beyond & ~below, "other surface", _SURFACE),
+        (below & ~beyond & (was == now), "changed below", _BELOW), (lost, "became void", _LOST),
         (gained, "was void", _GAINED),
     ):  # fmt: skip
         if mask.any():
             swatches.append(Swatch(label, color))
     heights = np.where(now, seen.new, np.where(lost, seen.old, np.nan))
     scale = Scale("new less old (m)", -most, most, _COLORS) if beyond.any() else None
-    key = Legend("Ground", tuple(swatches), scale)
+    key = Legend("Ground" if both.whole is None else "Tops", tuple(swatches), scale)
     surfaces = np.zeros(change.shape, np.uint8)
     return LayerPicture(grid, heights, surfaces, colors, key, LIGHT)
 
 
-def _paint(both: Both, grid: Grid) -> ComparedWindow:
-    """Pixels of a grid on both terrains."""
+def _paint(both: Both, grid: Grid, tolerance: float) -> tuple[ComparedWindow, NDArray[np.bool_]]:
+    """Pixels of a grid on both terrains, and where something differs below what is seen."""
     shape = grid.height, grid.width
     planes = ComparedWindow(
         np.empty(shape), np.empty(shape), np.zeros(shape, np.int64), np.zeros(shape, np.int64)
     )
+    below = np.zeros(shape, np.bool_)
     windows = list(grid.windows(TILE, TILE))
-    for window, seen in paint_windows(both, grid, windows, processors()):
+    if both.whole is None:
+        painted = paint_windows(both, grid, windows, processors())
+    else:
+        painted = _tops(both, grid, windows, tolerance, below)
+    for window, seen in painted:
         for whole, part in zip(planes, seen, strict=True):
             whole[_rows(window)] = part
-    return planes
+    return planes, below
+
+
+def _tops(
+    both: Both, grid: Grid, windows: list[Window], tolerance: float, below: NDArray[np.bool_]
+) -> Iterator[tuple[Window, ComparedWindow]]:
+    """Yield windows with the highest tops, and mark what differs below them."""
+    for window, tops in paint_tops(both, grid, windows, tolerance, processors()):
+        below[_rows(window)] = tops.below
+        yield window, tops.seen
 
 
 def _rows(window: Window) -> tuple[slice, slice]:

@@ -1,7 +1,8 @@
 """Comparison of decks and bores: tops, other faces, clearances and volumes, storey by storey.
 
 Figures are those at the centres of pixels over the footprint of each storey. Storeys that are equal
-are paired first, then those of one pointer, then those whose footprints overlap most.
+are paired first, then those of one pointer whose footprints meet, then those whose footprints
+overlap most, and last those of one pointer and one size, which have moved.
 """
 
 from __future__ import annotations
@@ -279,9 +280,15 @@ def _paired(old: list[FoundStorey], new: list[FoundStorey]) -> _Pairing:
     pairing.take_equal(lambda one: one.key)
     pairing.take_equal(lambda one: (one.is_bore, one.pointer), near=True)
     pairing.take_overlapping()
-    pairing.take_equal(lambda one: (one.is_bore, one.pointer))
+    pairing.take_equal(lambda one: (one.is_bore, one.pointer, _rounded(one.size)))
     pairing.pairs.sort(key=lambda pair: pair[0].index)
     return pairing
+
+
+def _rounded(size: tuple[float, float]) -> tuple[str, str]:
+    """Sides of a rectangle, to nine digits."""
+    wide, tall = size
+    return f"{wide:.9g}", f"{tall:.9g}"
 
 
 def _likeness(one: FoundStorey, other: FoundStorey) -> tuple[float, float] | None:
@@ -328,13 +335,14 @@ def _change(old: FoundStorey, new: FoundStorey, tolerance: float) -> StoreyChang
             places = old.lattice(common)
             before, after = ((*one.faces(*places), one.room(*places)) for one in (old, new))
     top, face, room = (_difference(a, b, tolerance) for a, b in zip(before, after, strict=True))
-    holes = any(
+    *holes, opened = (
         not np.array_equal(np.isfinite(a), np.isfinite(b))
         for a, b in zip(before, after, strict=True)
     )
-    if not (moved or top or face or room or holes):
+    other = bool(top or face or any(holes))
+    if not (moved or other or room or opened):
         return None
-    only_moved = shift is not None and not (top or face or holes)
+    only_moved = shift is not None and not other
     return StoreyChange(
         "moved" if only_moved else "changed", "bore" if old.is_bore else "deck",
         first, second, shift, top, face, room,
