@@ -113,7 +113,7 @@ def _picture(both: Both, grid: Grid, tolerance: float) -> LayerPicture:
 
 
 def _paint(both: Both, grid: Grid, tolerance: float) -> tuple[ComparedWindow, NDArray[np.bool_]]:
-    """Pixels of a grid on both terrains, and where something differs below what is seen."""
+    """Pixels of a grid on both terrains, and where anything of their columns differs."""
     shape = grid.height, grid.width
     planes = ComparedWindow(
         np.empty(shape), np.empty(shape), np.zeros(shape, np.int64), np.zeros(shape, np.int64)
@@ -133,9 +133,9 @@ def _paint(both: Both, grid: Grid, tolerance: float) -> tuple[ComparedWindow, ND
 def _tops(
     both: Both, grid: Grid, windows: list[Window], tolerance: float, below: NDArray[np.bool_]
 ) -> Iterator[tuple[Window, ComparedWindow]]:
-    """Yield windows with the highest tops, and mark what differs below them."""
+    """Yield windows with the highest tops, and mark where anything differs."""
     for window, tops in paint_tops(both, grid, windows, tolerance, processors()):
-        below[_rows(window)] = tops.below
+        below[_rows(window)] = tops.other
         yield window, tops.seen
 
 

@@ -318,7 +318,7 @@ def _lone(one: FoundStorey, *, is_new: bool) -> StoreyChange:
 
 
 def _change(old: FoundStorey, new: FoundStorey, tolerance: float) -> StoreyChange | None:
-    """What differs between two storeys; None if nothing does."""
+    """Difference of two storeys; None if there is none."""
     first, second = old.figures, new.figures
     slack = _MOVED * max(1.0, *map(abs, old.bounds))
     moved = any(abs(a - b) > slack for a, b in zip(old.bounds, new.bounds, strict=True))

@@ -6,7 +6,7 @@ Pictures and maps of terrains with decks or bores show it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,7 @@ from terratool.raster.grid import Grid, Window
 from terratool.raster.painter import (
     CLEARANCE_BAND,
     COLUMN_BANDS,
-    COUNT_BAND,
     Painter,
-    Planes,
     most_tops,
 )
 from terratool.tasks import prefetch
@@ -31,12 +29,12 @@ class ComparedTops(NamedTuple):
         seen: highest tops.
         room: float64, new room from the ground up to what stands over it, less the old one; NaN
             where either is open to the sky.
-        below: whether anything but the highest top differs by more than the tolerance.
+        other: whether any end of what is solid differs by more than the tolerance.
     """
 
     seen: ComparedWindow
     room: NDArray[np.float64]
-    below: NDArray[np.bool_]
+    other: NDArray[np.bool_]
 
 
 class _TopsPainter:
@@ -59,19 +57,10 @@ class _TopsPainter:
             old.heights, new.heights, first[old.surfaces], second[new.surfaces]
         )  # fmt: skip
         room = new.columns[CLEARANCE_BAND] - old.columns[CLEARANCE_BAND]
-        before, after = _below(old), _below(new)
+        before, after = old.columns[COLUMN_BANDS:], new.columns[COLUMN_BANDS:]
         other = np.isnan(before) != np.isnan(after)
         other |= np.abs(after - before) > self._tolerance  # False for NaN
         return ComparedTops(seen, room, other.any(axis=0))
-
-
-def _below(planes: Planes) -> NDArray[Any]:
-    """Ends of the intervals of columns from below, (bands, height, width), without the highest."""
-    assert planes.columns is not None
-    ends = planes.columns[COLUMN_BANDS:].copy()
-    highest = 2 * planes.columns[COUNT_BAND] - 2
-    ends[np.arange(len(ends))[:, None, None] == highest] = np.nan
-    return ends
 
 
 def paint_tops(
