@@ -18,6 +18,7 @@ from msgspec import UNSET
 import terratool
 from terratool.text.source import Source
 from terratool.viewing.diff.compare import DiffOptions, diff
+from terratool.viewing.diff.report import lines_of
 from terratool.viewing.diff.results import Difference, StoreyChange
 from terratool.viewing.diff.sides import DiffSide, side_of
 from terratool.viewing.diff.storeys import StoreySide
@@ -266,6 +267,25 @@ def test_the_report_names_what_changed(files: tuple[Path, Path]) -> None:
     Draft202012Validator(terratool.schema("difference")).validate(found)
     storeys = found["files"][0]["difference"]["storeys"]
     assert [one["kind"] for one in storeys] == ["changed", "removed", "added"]
+
+
+def test_equal_changes_share_a_line() -> None:
+    """Four tables of a row are 0.25 m thicker; a fifth one, beside it, is thicker by less."""
+    row = box(1, 1, 2, 2, vScale=6, deck={"thickness": 0.5, "datum": True},
+              repeat={"count": [2, 2], "step": [1.5, 2]})  # fmt: skip
+    other = box(30, 17, 38, 19, vScale=6, deck={"thickness": 0.5, "datum": True})
+    old = edited(BRIDGE, lambda tree: tree.extend([row, other]))
+
+    def edit(tree: list[Json]) -> None:
+        tree[2]["deck"]["thickness"], tree[3]["deck"]["thickness"] = 0.75, 0.625
+
+    *_, said, four, one = (line.strip() for line in lines_of(compared(old, edited(old, edit)), 20))
+    assert said == "storeys: 5 changed"
+    names = ", ".join(f"/elemTree/children/2[{i},{j}]" for i, j in ((0, 0), (1, 0), (0, 1)))
+    figures = "underside -0.25 m, clearance -0.25 m, volume 0.5 → 0.75 m³"
+    assert four == f"~ 4 × deck: {figures}: {names}, …"
+    figures = "underside -0.125 m, clearance -0.125 m, volume 8 → 10 m³"
+    assert one == f"~ deck /elemTree/children/3: {figures}"
 
 
 def test_the_map_has_tops_and_clearances(files: tuple[Path, Path], tmp_path: Path) -> None:

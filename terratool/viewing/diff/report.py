@@ -254,44 +254,59 @@ def _storeys(changes: Sequence[StoreyChange], most: int, rest: str) -> Iterator[
         if (count := sum(change.kind == kind for change in changes))
     ]
     yield f"storeys: {', '.join(counts) or 'no difference'}"
-    yield from (f"  {line}" for line in _limit_lines(changes, most, _storey, rest))
+    alike: dict[tuple[str, str, str], list[StoreyChange]] = {}
+    for change in changes:
+        alike.setdefault((change.kind, change.what, _figures(change)), []).append(change)
+    groups: list[list[StoreyChange]] = []
+    for group in alike.values():
+        groups += [group] if len(group) >= _ALIKE else [[one] for one in group]
+    yield from (f"  {line}" for line in _limit_lines(groups, most, _storey, rest))
 
 
-def _storey(change: StoreyChange) -> str:
-    """Storey in a line: all figures of one that came or went, of others those that differ."""
-    old, new = change.old, change.new
-    one = new or old
-    assert one is not None
-    words = _FACES[change.what]
-    text = f"{_SIGNS[change.kind]} {change.what} {one.pointer}"
+def _storey(group: list[StoreyChange]) -> str:
+    """Line on a storey, or on several with equal changes."""
+    first = group[0]
+    sign, what, figures = _SIGNS[first.kind], first.what, _figures(first)
+    kind = f" {first.kind}" if first.old is None or first.new is None else ""
+    names = [one.pointer for change in group if (one := change.new or change.old)]
+    if len(group) > 1:
+        return f"{sign} {len(group):,} × {what}{kind}: {figures}: {_first(names)}"
+    before = ""
+    if first.old is not None and first.new is not None and first.old.pointer != names[0]:
+        before = f", before {first.old.pointer}"
+    return f"{sign} {what} {names[0]}{before}{kind}: {figures}"
+
+
+def _figures(change: StoreyChange) -> str:
+    """Figures of a storey: all of one that came or went, of others those that differ."""
+    old, new, words = change.old, change.new, _FACES[change.what]
     if old is None or new is None:
+        one = new or old
+        assert one is not None
         parts = [
             f"{word} {_heights(heights)} m"
             for word, heights in zip(words, (one.top, one.face, one.clearance), strict=True)
             if heights
-        ]  # fmt: skip
-        parts.append(f"volume {one.volume:.6g} m³")
-        return f"{text} {change.kind}: {', '.join(parts)}"
-    if old.pointer != new.pointer:
-        text += f", before {old.pointer}"
-    parts = [] if change.shift is None else [
-        f"moved by ({', '.join(f'{way:.6g}' for way in change.shift)})"
-    ]  # fmt: skip
+        ]
+        return ", ".join([*parts, f"volume {one.volume:.6g} m³"])
+    parts = []
+    if change.shift is not None:
+        parts = [f"moved by ({', '.join(f'{way:.6g}' for way in change.shift)})"]
     parts += [
         f"{word} {_heights(by, '+')} m"
         for word, by in zip(words, (change.top, change.face, change.clearance), strict=True)
         if by
     ]
-    if change.clearance is None and (old.clearance is None) != (new.clearance is None):
-        rooms = (f"{_heights(r)} m" if r else "none" for r in (old.clearance, new.clearance))
-        parts.append(f"clearance {' → '.join(rooms)}")
+    if change.clearance is None:
+        rooms = [f"{_heights(r)} m" if r else "none" for r in (old.clearance, new.clearance)]
+        parts += [f"clearance {' → '.join(rooms)}"] if rooms[0] != rooms[1] else []
     for word, unit, *sizes in (
         ("area", "m²", old.area, new.area), ("volume", "m³", old.volume, new.volume)
     ):  # fmt: skip
         before, after = (f"{size:.6g}" for size in sizes)
         if before != after:
             parts.append(f"{word} {before} → {after} {unit}")
-    return f"{text}: {', '.join(parts)}"
+    return ", ".join(parts)
 
 
 def _heights(heights: Pair, sign: str = "") -> str:

@@ -335,18 +335,25 @@ def _change(old: FoundStorey, new: FoundStorey, tolerance: float) -> StoreyChang
             places = old.lattice(common)
             before, after = ((*one.faces(*places), one.room(*places)) for one in (old, new))
     top, face, room = (_difference(a, b, tolerance) for a, b in zip(before, after, strict=True))
-    *holes, opened = (
+    holes = any(
         not np.array_equal(np.isfinite(a), np.isfinite(b))
-        for a, b in zip(before, after, strict=True)
+        for a, b in zip(before[:2], after[:2], strict=True)
     )
-    other = bool(top or face or any(holes))
-    if not (moved or other or room or opened):
+    other = bool(top or face or holes)
+    if not (moved or other or room or _differ(first.clearance, second.clearance, tolerance)):
         return None
     only_moved = shift is not None and not other
     return StoreyChange(
         "moved" if only_moved else "changed", "bore" if old.is_bore else "deck",
         first, second, shift, top, face, room,
     )  # fmt: skip
+
+
+def _differ(old: Pair | None, new: Pair | None, tolerance: float) -> bool:
+    """Whether ends of two ranges differ by more than the tolerance."""
+    if old is None or new is None:
+        return old is not new
+    return any(abs(b - a) > tolerance for a, b in zip(old, new, strict=True))
 
 
 def _difference(old: Floats, new: Floats, tolerance: float) -> Pair | None:
