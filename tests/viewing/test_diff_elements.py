@@ -294,8 +294,10 @@ def test_one_value_of_a_long_vector_is_a_change() -> None:
 
 
 USERS = {
-    "rack": (f"{C}{RACKS}",), "wedge": (f"{C}{HOLLOW}",), "rock": (f"{C}{CRATE}", "/parts/rack/children/0"),
-}  # fmt: skip
+    "rack": (f"{C}{RACKS}",),
+    "wedge": (f"{C}{HOLLOW}",),
+    "rock": (f"{C}{CRATE}", "/parts/rack/children/0"),
+}
 """Elements that the difference of an entry names."""
 
 
