@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import chain, islice
 from typing import Any
@@ -155,6 +155,7 @@ def _elements(side: DiffSide, attribute: str, name: str) -> Iterator[tuple[Any, 
     """Roots and numbers of all elements with a surface, a primitive ("type") or a part."""
     for _, root in side.roots():
         tree = root.tree
+        has: Callable[[int, set[str]], bool]
         if attribute == "surface":
             names, has = tree.worn, tree.wears
         elif attribute == "type":
