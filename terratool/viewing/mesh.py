@@ -226,7 +226,7 @@ def _finest_mesh(attempt: Attempt, wanted: float, relief: float, faces: int) -> 
 
 
 class FaceKind(IntEnum):
-    """What a face is part of: a top, an underside or ceiling, a wall, or the block's sides."""
+    """Kind of a face: top, underside (or ceiling), wall, or side of the block below the ground."""
 
     TOP = 0
     UNDERSIDE = 1
