@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from urllib.parse import unquote
@@ -29,6 +30,7 @@ def test_each_page_is_in_the_site_once() -> None:
     assert sorted(named) == sorted(page.stem for page in DOCS.glob("*.md"))
 
 
+@cache
 def anchors(page: Path) -> set[str]:
     """What GitHub and the site call the headings of a page."""
     tokens = MarkdownIt().parse(page.read_text("utf-8"))

@@ -328,7 +328,7 @@ class UserTerrain(ShownTerrain):
         if path is not None:
             check_page(path, overwrite)
         driven = None if vehicle is None else _vehicle(vehicle)
-        site = Site(self.ground_only().written_out, self._checked())
+        site = Site(self.written_out, self._checked())
         scene = terrain_scene(site, wanted, driven, _lines(routes))
         page = terrain_page(self.name or self.descr or "terrain", scene, height)
         if path is not None:

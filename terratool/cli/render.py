@@ -129,7 +129,7 @@ def _refuse_interval(interval: float) -> None:
         default=35.0,
         show_default=True,
         metavar="DEG",
-        help="How high above the horizon it is seen from.",
+        help="How high over the horizon that is; below 0: undersides.",
     ),
     click.option(
         "--max-error",

@@ -110,16 +110,17 @@ class LiveState(Struct, dict=True, eq=False):
                 "version": self.version, "picture": self.picture, "findings": self.findings,
             }  # fmt: skip
 
-    def values(self, x: float, y: float) -> dict[str, Any] | None:
+    def values(self, x: float, y: float, below: float | None = None) -> dict[str, Any] | None:
         """Values of the field at a place, for JSON; None where there is no picture.
 
-        z and slope are None outside the terrain and in the void.
+        They are those of the highest top, or of the highest one not above `below`. z and slope are
+        None outside the terrain and in the void.
         """
         shown, picture = self.shown, self.picture
         if shown is None:
             return None
         terrain = shown.site.terrain
-        found = terrain.sample(x, y)
+        found = terrain.sample(x, y, below=below)
         height, element = float(found.height), int(found.element)
         name = terrain.pointer(element)
         places = () if name is None else shown.places.of(name)
@@ -303,10 +304,11 @@ def _handler(page: bytes, state: LiveState) -> type[http.server.BaseHTTPRequestH
 
         def _values(self, given: dict[str, list[str]]) -> None:
             try:
-                x, y = (float(given[key][0]) for key in ("x", "y"))
-            except (KeyError, ValueError):
-                x = y = math.nan
-            found = state.values(x, y) if math.isfinite(x) and math.isfinite(y) else None
+                place = [float(given[key][0]) for key in ("x", "y", "below") if key in given]
+            except ValueError:
+                place = []
+            good = len(place) >= 2 and all(map(math.isfinite, place))
+            found = state.values(*place) if good else None
             if found is None:
                 self._nothing()
             else:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from enum import IntEnum
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,6 @@ from terratool.errors import RequestError
 from terratool.field.bounds import largest_depths, largest_heights
 from terratool.field.terrain import Terrain
 from terratool.kernels import mesh as kernels
-from terratool.mesh.build import build
 from terratool.mesh.export import (
     BudgetedMesh,
     MeshOptions,
@@ -24,6 +24,7 @@ from terratool.mesh.export import (
     relief_of,
     within_budget,
 )
+from terratool.mesh.stacked import build_all
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.report.numbers import metres
 from terratool.report.wording import count_of
@@ -132,10 +133,12 @@ def fitted_mesh(terrain: Terrain, options: PageOptions, progress: Progress) -> P
         RequestError: there is no ground, the faces allowed are too few whatever is left out, or the
             mesh with the wanted error takes too much effort.
     """
+    # what is solid is closed, so that a cut through it looks like one
+    base: Literal["below"] | None = None if terrain.storeys is None else "below"
 
     def attempt(error: float, least: float) -> BudgetedMesh:
         progress(f"meshing within {metres(error)}")
-        return BudgetedMesh(build(terrain, error, least=least), error, least)
+        return BudgetedMesh(build_all(terrain, error, least=least, base=base), error, least)
 
     progress("estimating the mesh")
     relief = relief_of(terrain, None)
@@ -145,10 +148,11 @@ def fitted_mesh(terrain: Terrain, options: PageOptions, progress: Progress) -> P
     allowed = allowed_error(terrain, wanted, max(wanted, _COARSEST * relief))
     if options.max_error is not None and options.max_faces is None and allowed.error > wanted:
         raise _too_large(wanted, allowed)
+    # stacks of surfaces share their triangles, so each finer mesh is far more work
+    faces = LIVE_FACES if options.live or terrain.storeys is not None else FACES
     if math.isinf(allowed.error):
-        faces = LIVE_FACES if options.live else FACES
         progress("painting heights")
-        grid = ground_grid(terrain, options.max_faces or faces)
+        grid = ground_grid(terrain.ground_alone, options.max_faces or faces)
         built = _in_order(grid.built)
         return PageMesh(_require_faces(built), built.error, measured=True, grid=grid)
     wanted = allowed.error
@@ -157,7 +161,7 @@ def fitted_mesh(terrain: Terrain, options: PageOptions, progress: Progress) -> P
     elif options.max_error is not None:
         fit = attempt(wanted, 0.0)
     else:
-        fit = _finest_mesh(attempt, wanted, relief, LIVE_FACES if options.live else FACES)
+        fit = _finest_mesh(attempt, wanted, relief, faces)
         if fit.faces > MOST_FACES:
             fit = _budgeted_mesh(attempt, terrain, wanted, relief, MOST_FACES)
     fit = fit._replace(built=_require_faces(_in_order(collapse_degenerate(fit.built))))
@@ -221,8 +225,30 @@ def _finest_mesh(attempt: Attempt, wanted: float, relief: float, faces: int) -> 
     return fit
 
 
+class FaceKind(IntEnum):
+    """Kind of a face: top, underside (or ceiling), wall, or side of the block below the ground."""
+
+    TOP = 0
+    UNDERSIDE = 1
+    WALL = 2
+    BLOCK = 3
+
+
+def kinds_of(built: BuiltMesh) -> Ints:
+    """Kind of each face, (m,), as a number of `FaceKind`."""
+    mesh = built.mesh
+    kinds = np.where(mesh.walls, FaceKind.WALL, FaceKind.TOP).astype(np.int64)
+    if built.storeys is not None:
+        corners = mesh.vertices[mesh.faces, :2]
+        u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        down = u[:, 0] * v[:, 1] < u[:, 1] * v[:, 0]
+        kinds[down & ~mesh.walls] = FaceKind.UNDERSIDE
+    kinds[built.shell :] = FaceKind.BLOCK
+    return kinds
+
+
 def _in_order(built: BuiltMesh) -> BuiltMesh:
-    """Sort faces: ground first, then walls, each in the order of a Z-shaped curve over the plane.
+    """Sort faces by their kind, each kind in the order of a Z-shaped curve over the plane.
 
     Neighbours get near each other, which compresses well and is searched quickly (G. M. Morton, A
     computer oriented geodetic data base and a new technique in file sequencing, IBM, 1966).
@@ -237,7 +263,7 @@ def _in_order(built: BuiltMesh) -> BuiltMesh:
     )
     for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
         cells = (cells | (cells << np.uint64(shift))) & np.uint64(mask)
-    order = np.lexsort((cells[:, 0] | (cells[:, 1] << np.uint64(1)), mesh.walls))
+    order = np.lexsort((cells[:, 0] | (cells[:, 1] << np.uint64(1)), kinds_of(built)))
     faces = mesh.faces[order]
     # vertices in the order in which faces name them
     _, first, index = np.unique(faces.ravel(), return_index=True, return_inverse=True)
@@ -263,17 +289,25 @@ class Faces(NamedTuple):
     """Elements, surfaces and normals of the faces of a mesh.
 
     Attributes:
-        element: (m,) index of the ground's element; for a wall that of the higher ground; -1 for
-            none.
-        surface: (m,) index of the ground's surface; for a wall that of the wall; -1 for none.
-        normals: (m, 3, 3) normals of the ground at the corners; for a wall that of the face.
-        upright: (m,) bool, whether a face is a wall.
+        element: (m,) number of the element of a top or an underside; for a wall that of the higher
+            ground; -1 for none.
+        surface: (m,) index of the surface; -1 for none.
+        normals: (m, 3, 3) normals of tops and undersides at the corners; for a wall that of the
+            face.
+        kind: (m,) numbers of `FaceKind`.
+        raised: (m,) bool, whether a top stands over a gap; None for a terrain without storeys.
     """
 
     element: Ints
     surface: Ints
     normals: Floats
-    upright: NDArray[np.bool_]
+    kind: Ints
+    raised: NDArray[np.bool_] | None = None
+
+    @property
+    def top(self) -> NDArray[np.bool_]:
+        """Whether faces are tops, (m,)."""
+        return np.asarray(self.kind == FaceKind.TOP)
 
 
 def wall_offset_of(built: BuiltMesh) -> float:
@@ -289,6 +323,8 @@ def faces_of(terrain: Terrain, built: BuiltMesh, *, from_field: bool = True) -> 
         built: the mesh.
         from_field: whether normals are the field's; else the mesh's.
     """
+    if built.storeys is not None:
+        return _faces_of_columns(terrain, built)
     mesh = built.mesh
     corners = mesh.vertices[mesh.faces]
     plane = corners[..., :2] + mesh.origin[:2]
@@ -309,7 +345,7 @@ def faces_of(terrain: Terrain, built: BuiltMesh, *, from_field: bool = True) -> 
         element[walls[fits]] = at.element[fits]
     if not from_field:
         own, corner = kernels.corner_normals(mesh.vertices, mesh.faces, mesh.walls, built.error)
-        return Faces(element, surface, own.astype(np.float64)[corner], mesh.walls)
+        return Faces(element, surface, own.astype(np.float64)[corner], kinds_of(built))
     normals = np.broadcast_to(flat[:, None], corners.shape).copy()
     ground = np.flatnonzero(~mesh.walls)
     near = plane[ground] + _INWARD * (middle[ground, None] - plane[ground])
@@ -319,7 +355,49 @@ def faces_of(terrain: Terrain, built: BuiltMesh, *, from_field: bool = True) -> 
     known = np.isfinite(middles[:, 0])
     middles[~known] = flat[ground][~known]
     normals[ground] = np.where(own[..., None], at.normal, middles[:, None])
-    return Faces(element, surface, normals, mesh.walls)
+    return Faces(element, surface, normals, kinds_of(built))
+
+
+def _faces_of_columns(terrain: Terrain, built: BuiltMesh) -> Faces:
+    """Sample columns at the faces of a mesh with storeys: in their middles, of walls behind them.
+
+    Normals are the columns' on tops, and the mesh's elsewhere.
+    """
+    mesh, kind = built.mesh, kinds_of(built)
+    corners = mesh.vertices[mesh.faces] + mesh.origin
+    middle = corners.mean(axis=1)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    flat = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+    walls = kind == FaceKind.WALL
+    wide = np.linalg.norm(corners[walls] - middle[walls, None], axis=2).max(axis=1, initial=0.0)
+    behind = np.maximum(_INWARD * wide, 2.0 * wall_offset_of(built))
+    asked = middle.copy()
+    asked[walls, :2] -= behind[:, None] * flat[walls, :2]
+    found = terrain.column(asked[:, 0], asked[:, 1])
+    z = middle[:, 2:]
+    # how far intervals are from a face; those that there are not are nowhere
+    off = np.where(
+        walls[:, None], np.maximum(found.bottom - z, z - found.top),
+        np.abs(np.where(kind[:, None] == FaceKind.UNDERSIDE, found.bottom, found.top) - z),
+    )  # fmt: skip
+    nearest = np.where(np.isnan(off), np.inf, off).argmin(axis=1)
+    row = np.arange(len(kind))
+    ends = np.where((kind == FaceKind.UNDERSIDE)[:, None], found.under, found.element)
+    element = np.where(kind == FaceKind.BLOCK, -1, ends[row, nearest])
+    surface = mesh.surfaces.astype(np.int64)
+    own, corner = kernels.corner_normals(mesh.vertices, mesh.faces, mesh.walls, built.error)
+    normals = own.astype(np.float64)[corner]
+    tops = np.flatnonzero(kind == FaceKind.TOP)
+    near = corners[tops] + _INWARD * (middle[tops, None] - corners[tops])
+    at = terrain.column(near[..., 0], near[..., 1])
+    gaps = np.abs(at.top - near[..., 2:])
+    place = np.where(np.isnan(gaps), np.inf, gaps).argmin(axis=2)[..., None]
+    same = np.take_along_axis(at.element, place, axis=2)[..., 0] == element[tops, None]
+    there = np.take_along_axis(at.normal, place[..., None], axis=2)[..., 0, :]
+    same &= np.isfinite(there[..., 0])
+    normals[tops] = np.where(same[..., None], there, normals[tops])
+    raised = (kind == FaceKind.TOP) & np.isfinite(found.bottom[row, nearest])
+    return Faces(element, surface, normals, kind, raised)
 
 
 class Wedges(NamedTuple):
@@ -339,7 +417,7 @@ class Wedges(NamedTuple):
 def wedges_of(mesh: Mesh, faces: Faces) -> Wedges:
     """Make the wedges of a mesh; normals of an element at a vertex that nearly agree become one."""
     vertex = mesh.faces.ravel().astype(np.int64)
-    owner = np.repeat(2 * (faces.element + 2) + faces.upright, 3)
+    owner = np.repeat(len(FaceKind) * (faces.element + 2) + faces.kind, 3)
     normals = faces.normals.reshape(-1, 3)
     order = np.lexsort((owner, vertex))
     new = np.ones(len(order), bool)
@@ -370,13 +448,19 @@ def wedges_of(mesh: Mesh, faces: Faces) -> Wedges:
     return Wedges(vertex[firsts][ranked], normal[firsts][ranked], rank[number].reshape(-1, 3))
 
 
-def slope_error(terrain: Terrain, mesh: Mesh, faces: Faces) -> float:
+def slope_error(terrain: Terrain, mesh: Mesh, faces: Faces, error: float) -> float:
     """Error of slopes that are interpolated in faces, degrees, against the field.
 
-    The share `_RARELY` of `_PROBES` places, spread evenly over the ground, have no larger error.
+    The share `_RARELY` of `_PROBES` places, spread evenly over all tops, have no larger error.
+
+    Args:
+        terrain: the terrain.
+        mesh: the mesh.
+        faces: its faces.
+        error: how far heights of the mesh may be from the terrain.
     """
     random = np.random.default_rng(0)
-    ground = np.flatnonzero(~faces.upright)
+    ground = np.flatnonzero(faces.top)
     corners = mesh.vertices[mesh.faces[ground]]
     sides = corners[:, 1:, :2] - corners[:, :1, :2]
     area = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
@@ -388,7 +472,9 @@ def slope_error(terrain: Terrain, mesh: Mesh, faces: Faces) -> float:
     normals = faces.normals[ground[face]]
     rises = normals[..., :2] / np.maximum(normals[..., 2:], 1e-9)
     seen = np.arctan(np.linalg.norm((rises * share[:, :, None]).sum(axis=1), axis=1))
-    found = terrain.sample(places[:, 0] + mesh.origin[0], places[:, 1] + mesh.origin[1])
+    below = None if terrain.storeys is None else places[:, 2] + mesh.origin[2] + 2.0 * error
+    x, y = (places[:, :2] + mesh.origin[:2]).T
+    found = terrain.sample(x, y, below=below)
     with np.errstate(invalid="ignore"):
         apart = np.abs(np.degrees(seen - np.arccos(np.clip(found.normal[:, 2], 0.0, 1.0))))
     apart = apart[np.isfinite(apart)]

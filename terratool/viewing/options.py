@@ -52,7 +52,8 @@ class RenderOptions:
         perspective: whether a view from the side is drawn instead of a plan.
         azimuth: direction from which a perspective is seen, degrees clockwise from north, -360 to
             360.
-        elevation: angle above the horizon from which a perspective is seen, degrees, 5 to 90.
+        elevation: angle above the horizon from which a perspective is seen, degrees, 5 to 90; -5 to
+            -90 for undersides of decks and ceilings of bores, seen from below.
         max_error: largest error of a perspective's mesh, in units of the terrain; half a pixel if
             None.
         exaggeration: factor on heights of a section or a perspective; chosen if None.
@@ -203,10 +204,10 @@ class RenderOptions:
             raise RequestError(
                 f"The azimuth is {self.azimuth:g} degrees.", "Give --azimuth from -360 to 360."
             )
-        if not 5.0 <= self.elevation <= 90.0:
+        if not 5.0 <= abs(self.elevation) <= 90.0:
             raise RequestError(
                 f"The perspective is to be seen from {self.elevation:g} degrees above.",
-                "Give --elevation from 5 to 90.",
+                "Give --elevation from 5 to 90, or from -90 to -5 for what decks have below.",
             )
         error = self.max_error
         if error is not None and not (math.isfinite(error) and error > 0.0):

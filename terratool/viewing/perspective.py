@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,10 +175,16 @@ def draw_perspective(
 ) -> Drawn:
     """Draw a perspective; to be called within `terratool.viewing.sheet.settings`.
 
+    Seen from below, it shows undersides, ceilings and sides alone, as if there were no ground.
+
     Raises:
-        RequestError: the bounds miss the terrain, there is no ground, or the layer has nothing to
-            show.
+        RequestError: the bounds miss the terrain, there is no ground, the layer has nothing to
+            show, or there are no storeys to be seen from below.
     """
+    if options.elevation < 0.0 and terrain.storeys is None:
+        raise RequestError(
+            "There is no deck and no bore to be seen from below.", "Give --elevation from 5 to 90."
+        )
     if options.bounds is not None:
         check_bounds(options.bounds, terrain)
     part = clip_bounds(terrain, options.bounds)
@@ -204,6 +210,8 @@ def draw_perspective(
         corners, options.azimuth, options.elevation, (ground.width * FINER, ground.height * FINER)
     )
     progress("painting faces")
+    if options.elevation < 0.0:
+        block = _facing(block, viewpoint.eye / (1.0, 1.0, factor))
     points = viewpoint.project(vertices)
     seen = z_buffer(points, block.faces, ground.height * FINER, ground.width * FINER)
     progress("drawing")
@@ -227,10 +235,16 @@ def draw_perspective(
         low, high = sheet.pixels(4.0), sheet.height - sheet.pixels(margins.top + 4.0)
         sheet.key(key, Rectangle(beside, low, sheet.width - beside - low, high - low))
     what = (
-        f"perspective from {number(options.azimuth % 360.0)}°, {number(options.elevation)}° above; "
+        f"perspective from {number(options.azimuth % 360.0)}°, {_tilt(options)}; "
         f"{made}; {exaggeration_text(factor)}"
     )
     return Drawn(sheet, what, (*note_of_chosen(factor, options.exaggeration), *plan.notes))
+
+
+def _tilt(options: RenderOptions) -> str:
+    """Phrase on how high above or below the horizon the eye of a perspective is."""
+    side = "below" if options.elevation < 0.0 else "above"
+    return f"{number(abs(options.elevation))}° {side}"
 
 
 def _plan(
@@ -269,7 +283,8 @@ def _block(
         progress("painting heights")
         return _grid_block(terrain, part)
     progress(f"meshing within {metres(error)}")
-    built = collapse_degenerate(build_all(whole, error, options.bounds, base="below"))
+    base: Literal["below"] | None = None if options.elevation < 0.0 else "below"
+    built = collapse_degenerate(build_all(whole, error, options.bounds, base=base))
     if not len(built.mesh.faces):
         raise no_ground()
     return _mesh_block(
@@ -292,6 +307,17 @@ def _mesh_block(built: BuiltMesh, terrain: Terrain) -> Block:
         hidden = hidden | (u[:, 0] * v[:, 1] <= u[:, 1] * v[:, 0])
         hidden |= z < terrain.height(x, y) - 2.0 * built.error
     return Block(vertices, mesh.faces, surfaces, hidden, normals)
+
+
+def _facing(block: Block, eye: Floats) -> Block:
+    """The faces of a block that look towards the eye."""
+    corners = block.vertices[block.faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    seen = np.einsum("nk,nk->n", across, eye - corners[:, 0]) > 0.0
+    return block._replace(
+        faces=block.faces[seen], surfaces=block.surfaces[seen], hidden=block.hidden[seen],
+        normals=block.normals[seen],
+    )  # fmt: skip
 
 
 def _grid_block(terrain: Terrain, part: tuple[float, float, float, float]) -> tuple[Block, str]:
@@ -404,7 +430,7 @@ def _shade(
         [
             math.sin(azimuth) * math.cos(height),
             math.cos(azimuth) * math.cos(height),
-            math.sin(height),
+            math.copysign(math.sin(height), -viewpoint.axes[2, 2]),
         ]
     )
     lit = np.maximum(normal @ towards, 0.0)
@@ -488,9 +514,6 @@ def _draw_texts(
     x = sheet.pixels(30.0 - 12.0 * right)
     y = sheet.pixels(22.0 - 12.0 * up)
     sheet.north_arrow(x, y, (right, up))
-    seen = (
-        f"Seen from {number(options.azimuth % 360.0)}° (clockwise from north), "
-        f"{number(options.elevation)}° above."
-    )
+    seen = f"Seen from {number(options.azimuth % 360.0)}° (clockwise from north), {_tilt(options)}."
     line = " ".join([*(f"{text[0].upper()}{text[1:]}" for text in said), seen])
     sheet.caption([line], sheet.pixels(64.0), sheet.pixels(6.0))

@@ -66,7 +66,7 @@ def read_site(path: str, library_roots: tuple[str, ...] = (), *, roughness: bool
 
 def site_of(checked: Checked, *, roughness: bool = True) -> Site:
     """Compile a checked definition without errors, as `read_site` does."""
-    return Site(Terrain(checked, roughness=roughness).written_out.ground_alone, checked)
+    return Site(Terrain(checked, roughness=roughness).written_out, checked)
 
 
 class Place(NamedTuple):

@@ -20,6 +20,9 @@ from terratool.traversability.route.results import Route
 from terratool.traversability.verdicts import COLORS, GroundClass
 from terratool.viewing.layers import surface_colors
 from terratool.viewing.mesh import (
+    FaceKind,
+    Faces,
+    Floats,
     Ints,
     MeshRounding,
     PageOptions,
@@ -98,16 +101,18 @@ def scene_of(
     Raises:
         RequestError: there is no ground, or the faces allowed are too few whatever is left out.
     """
-    terrain, options = site.terrain, options or PageOptions()
-    fit = fitted_mesh(terrain, options, progress)
+    options = options or PageOptions()
+    fit = fitted_mesh(site.terrain, options, progress)
     mesh, grid_of = fit.built.mesh, fit.grid
+    terrain = site.terrain if grid_of is None else site.terrain.ground_alone
     progress(f"asking the field about {count_of(len(mesh.faces), 'face')}")
     faces = faces_of(terrain, fit.built, from_field=grid_of is None)
     wedges = wedges_of(mesh, faces)
     grid = MeshRounding.of(mesh, fit.built.error)
     used, of_face = np.unique(faces.element, return_inverse=True)
     west, south, east, north = terrain.bounds
-    low, high = _heights(mesh)
+    low, high = _heights(mesh, faces)
+    kinds = np.bincount(faces.kind, minlength=len(FaceKind)).tolist()
     progress("looking up elements")
     facts: dict[str, Any] = {
         "format": 1,
@@ -118,19 +123,22 @@ def scene_of(
         "origin": list(grid.origin),
         "steps": list(grid.steps),
         "error": fit.miss + grid.rounding,
-        "slope_error": slope_error(terrain, mesh, faces),
+        "slope_error": slope_error(terrain, mesh, faces, fit.built.error),
         "measured": fit.measured,
         "wall_offset": wall_offset_of(fit.built),
         "left_out": fit.left_out,
         "change": fit.change,
         "hidden": list(terrain.hidden),
         "grid": None if grid_of is None else [*grid_of.shape, grid_of.step],
-        "ground_faces": int((~faces.upright).sum()),
+        "ground_faces": kinds[FaceKind.TOP],
+        "under_faces": kinds[FaceKind.UNDERSIDE],
+        "block_faces": kinds[FaceKind.BLOCK],
+        "storeys": fit.built.storeys is not None,
         "elements_total": terrain.elements,
         "surfaces": _surfaces(terrain),
         **_elements(site, used.tolist()),
         "tracks": _tracks(terrain, grid),
-        "routes": [] if report is None else [_route(terrain, grid, one) for one in report.routes],
+        "routes": [] if report is None else [_route(grid, one) for one in report.routes],
         "map": None if report is None or report.preview is None else _verdict(report),
     }
     arrays = {
@@ -141,6 +149,8 @@ def scene_of(
         "faceSurfaces": faces.surface.reshape(-1, 1).astype(np.int64),
     }
     if report is not None and report.preview is not None:
+        if faces.raised is not None:
+            arrays["raised"] = faces.raised.reshape(-1, 1).astype(np.int64)
         preview = report.preview
         worst = preview.ground if preview.worst is None else preview.worst
         for name, classes in (("verdict", preview.ground), ("worst", worst)):
@@ -148,9 +158,9 @@ def scene_of(
     return PageScene(facts, arrays)
 
 
-def _heights(mesh: Mesh) -> tuple[float, float]:
-    """Lowest and highest height of a mesh, m."""
-    z = mesh.vertices[:, 2] + mesh.origin[2]
+def _heights(mesh: Mesh, faces: Faces) -> tuple[float, float]:
+    """Lowest and highest height of a mesh without the sides of its block, m."""
+    z = mesh.vertices[mesh.faces[faces.kind != FaceKind.BLOCK], 2] + mesh.origin[2]
     return float(z.min()), float(z.max())
 
 
@@ -230,16 +240,17 @@ def _tracks(terrain: Terrain, grid: MeshRounding) -> list[dict[str, Any]]:
     found = []
     for index in range(terrain.tracks):
         own = segments[tracks.first[index] : tracks.first[index + 1]]
-        xs, ys = [], []
+        xs, ys, zs = [], [], []
         for one in own:
             x0, y0, x1, y1 = (float(one[key]) for key in ("x", "y", "end_x", "end_y"))
             parts = max(1, math.ceil(math.hypot(x1 - x0, y1 - y0) / step))
             along = np.arange(parts) / parts
             xs.append(x0 + along * (x1 - x0))
             ys.append(y0 + along * (y1 - y0))
+            zs.append(float(one["z"]) + along * (float(one["end_z"]) - float(one["z"])))
         x = np.append(np.concatenate(xs), float(own["end_x"][-1]))
         y = np.append(np.concatenate(ys), float(own["end_y"][-1]))
-        z = terrain.height(x, y)
+        z = _tops_along(terrain, x, y, np.append(np.concatenate(zs), float(own["end_z"][-1])))
         known = np.isfinite(z)
         found.append(
             {
@@ -250,16 +261,28 @@ def _tracks(terrain: Terrain, grid: MeshRounding) -> list[dict[str, Any]]:
     return found
 
 
-def _route(terrain: Terrain, grid: MeshRounding, route: Route) -> dict[str, Any]:
+def _tops_along(terrain: Terrain, x: Floats, y: Floats, z: Floats) -> Floats:
+    """Heights of the tops nearest to those of a path, (n,); of the lowest ones where it has NaN."""
+    if terrain.storeys is None:
+        return np.asarray(terrain.height(x, y))
+    tops = terrain.column(x, y).top
+    off = np.abs(tops - z[:, None])
+    off[np.isnan(z), 0] = 0.0
+    nearest = np.where(np.isnan(off), np.inf, off).argmin(axis=1)
+    return np.asarray(np.where(np.isnan(z), terrain.ground(x, y), tops[np.arange(len(x)), nearest]))
+
+
+def _route(grid: MeshRounding, route: Route) -> dict[str, Any]:
     """Line, verdicts and figures of a route; both ends alone where no route was found."""
     ends = [[one.x, one.y] for one in (route.start, route.goal)]
     facts: dict[str, Any] = {"found": route.found, "ends": ends, "verdict": route.verdict.label}
     facts["length"], facts["time"], facts["note"] = route.length, route.time, route.note
     profile = route.profile
     if profile is None:
+        known_z = (one.height for one in (route.start, route.goal))
+        z = np.array([grid.origin[2] if one is None else one for one in known_z])
         x, y = np.array(ends).T
-        z = terrain.height(x, y)
-        facts["points"] = grid.line(x, y, np.where(np.isfinite(z), z, grid.origin[2]))
+        facts["points"] = grid.line(x, y, z)
         facts["verdicts"] = []
         return facts
     known = np.isfinite(profile.height)

@@ -19,6 +19,7 @@ from terratool.api.starting import starter_options
 from terratool.api.values import fitted
 from terratool.authoring.starters.build import KINDS
 from terratool.field.rays import cast
+from tests.budget import thinned
 from tests.commands import ROOT
 
 HUSKY = ROOT / "samples/vehicles/husky-a200.json"
@@ -124,6 +125,22 @@ def ask(verb: Verb, given: dict[str, Any], option: str, value: Any) -> None:
         assert error.message and error.hint, option
 
 
+@pytest.mark.parametrize("verb", VERBS)
+def test_what_is_tried_is_taken_by_itself(
+    verb: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A row that is refused by itself would try nothing."""
+    in_folder(tmp_path, monkeypatch)
+    make, given = VERBS[verb]
+    make()(**given)
+
+
+def in_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work in a folder that has the cloud which a row reads."""
+    monkeypatch.chdir(folder)
+    Path("cloud.csv").write_text("x,y,z\n2,3,4\n2.5,3,4\n", "utf-8")
+
+
 @pytest.mark.parametrize(
     "value", [pytest.param(one, marks=[pytest.mark.nightly] * (one in RARE)) for one in WRONG]
 )
@@ -132,11 +149,10 @@ def test_any_value_of_any_option_is_taken_or_refused(
     verb: str, value: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With an error of the package, whose two sentences say what is wrong and what to do."""
-    monkeypatch.chdir(tmp_path)
-    Path("cloud.csv").write_text("x,y,z\n2,3,4\n2.5,3,4\n", "utf-8")
+    in_folder(tmp_path, monkeypatch)
     make, given = VERBS[verb]
-    make()(**given)  # a row that is refused by itself would try nothing
-    for option in inspect.signature(make()).parameters:
+    options = [*inspect.signature(make()).parameters]
+    for option in thinned(options, f"{verb} {value}"):
         ask(make(), given, option, WRONG[value])
 
 

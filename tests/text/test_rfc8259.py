@@ -21,6 +21,7 @@ from terratool.definition.findings import Finding
 from terratool.definition.reader import Checked
 from terratool.errors import ReadError
 from terratool.text.source import Source, read_source
+from tests.budget import thinned
 
 HEAD = '{"size":1,"elemTypes":{"b":{"x":[1]}},"elemTree":{"type":"b","vScale":1},"x-v":'
 
@@ -343,7 +344,8 @@ def test_every_kind_of_value_has_its_place(tmp_path: Path, kind: str, mark: byte
         f'"elemTree":{{"type":"b"}},·"x-v":{kind}}}→▸{kind}': "TT101",
     }
     path = tmp_path / "terrain.json"
-    for (frame, code), before, gap in product(frames.items(), BEFORE, ["", "\r", " \r\n\t"]):
+    tried = [*product(frames.items(), BEFORE, ["", "\r", " \r\n\t"])]
+    for (frame, code), before, gap in thinned(tried, f"{kind}{mark!r}"):
         text = '{"size":1,"elemTypes":{"b":{"x":[1]}},' + frame
         text, line, column = marked(text.replace("·", before).replace("→", gap))
         path.write_bytes(mark + text.encode())

@@ -293,6 +293,14 @@ def test_one_value_of_a_long_vector_is_a_change() -> None:
     assert not compared(old, zero).entries
 
 
+USERS = {
+    "rack": (f"{C}{RACKS}",),
+    "wedge": (f"{C}{HOLLOW}",),
+    "rock": (f"{C}{CRATE}", "/parts/rack/children/0"),
+}
+"""Elements that the difference of an entry names."""
+
+
 @pytest.mark.parametrize("edit", EDITS, ids=lambda edit: edit.name)
 def test_an_edit_is_told_as_what_it_is(edit: Edit) -> None:
     """In the elements that it touched, and in no others; with the volumes that follow."""
@@ -300,6 +308,8 @@ def test_an_edit_is_told_as_what_it_is(edit: Edit) -> None:
     assert [said(change) for change in (*found.elements, *found.tracks)] == edit.says
     entries = [(one.dictionary, one.kind, one.name, one.used) for one in found.entries]
     assert entries == edit.entries
+    for entry in found.entries:
+        assert entry.places == USERS[entry.name]
     assert found.same == (not edit.says and not edit.entries)
     assert edit.note in " ".join(found.notes)
     if found.same:

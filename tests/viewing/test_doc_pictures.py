@@ -43,10 +43,16 @@ def test_there_is_a_picture_of_every_sample() -> None:
     assert samples < {*shown}
 
 
-DRAWN = [picture for picture in (*PICTURES, *GALLERY) if picture.name != SLOW]
+DRAWN = [
+    pytest.param(
+        picture, id=picture.name, marks=[pytest.mark.slow] * picture.name.startswith("sample-")
+    )
+    for picture in (*PICTURES, *GALLERY)
+    if picture.name != SLOW
+]
 
 
-@pytest.mark.parametrize("picture", DRAWN, ids=lambda picture: picture.name)
+@pytest.mark.parametrize("picture", DRAWN)
 def test_pictures_are_as_they_are_drawn(picture: draw.Picture, tmp_path: Path) -> None:  # type: ignore[name-defined]
     """But for a few pixels, as releases of Matplotlib may differ by those."""
     path = tmp_path / picture.name

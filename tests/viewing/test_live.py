@@ -12,12 +12,14 @@ from pathlib import Path
 
 import pytest
 
+from terratool.definition.reader import check
 from terratool.errors import DefinitionError, TerratoolError, WriteError
+from terratool.text.source import Source
 from terratool.viewing.live import MOST_CLIENTS, FollowedFile, LiveState, PageServer, follow
-from terratool.viewing.places import Site, read_site
+from terratool.viewing.places import Site, read_site, site_of
 from terratool.viewing.scene import PageScene, scene_of
 from tests.commands import YARD
-from tests.viewing.scenes import read_scene
+from tests.viewing.scenes import SHED, read_scene
 
 Answer = tuple[int, bytes, dict[str, str]]
 
@@ -122,6 +124,20 @@ def test_values_are_those_of_a_query(served: tuple[PageServer, LiveState]) -> No
         assert json.loads(ask(server, f"/values?x={x}&y={y}")[1])["z"] is None
     for query in ("", "?x=1", "?x=1&y=nan", "?x=inf&y=1", "?x=a&y=1"):
         assert ask(server, f"/values{query}")[0] == 404, query
+
+
+def test_values_below_a_height_are_those_of_the_top_there() -> None:
+    """On a roof, and on the ground below it."""
+    state = LiveState()
+    site = site_of(check(Source("shed.json", json.dumps(SHED).encode())))
+    state.publish(site, PageScene({}, {}))
+    for below, z, element in ((None, 4, "/elemTree/children/0"), (3.9, 1, "/elemTree")):
+        found = state.values(8.5, 2.5, below)
+        assert found is not None and (found["z"], found["element"]) == (z, element)
+    with PageServer("", state) as server:
+        answer = json.loads(ask(server, "/values?x=8.5&y=2.5&below=3.9")[1])
+        assert (answer["z"], answer["element"]) == (1, "/elemTree")
+        assert ask(server, "/values?x=8.5&y=2.5&below=nan")[0] == 404
 
 
 def test_news_are_told_at_once_and_findings_keep_the_picture(

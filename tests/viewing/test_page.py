@@ -344,6 +344,47 @@ def test_a_wall_tells_its_heights(page: Callable[..., Page], boxes: Path) -> Non
     assert float(told["z"]) == pytest.approx(2.5, abs=0.05)
 
 
+def test_a_cut_opens_what_stands_over_other_ground(
+    page: Callable[..., Page], tmp_path: Path
+) -> None:
+    """A roof from 3.5 to 4 hides the ground below it, until what is above 3 is cut away."""
+    path = tmp_path / "roof.json"
+    tree = {**BOXES["elemTree"], "children": [dict(BOXES["elemTree"]["children"][0])]}
+    tree["children"][0]["deck"] = {"thickness": 0.5}
+    path.write_text(json.dumps({**BOXES, "elemTree": tree}), "utf-8")
+    shown = page(path)
+    shown.press("t")
+    left, top, right, bottom = extent(reddish(shown.picture()))
+    middle = (left + right) // 2, (top + bottom) // 2
+    told = shown.move(*middle)
+    assert (told["element"], float(told["z"])) == ("/elemTree/children/0", 4)
+    slide = (
+        "const slider = document.querySelector('#cut input'); slider.value = 70;"
+        " slider.dispatchEvent(new Event('input'))"
+    )
+    shown.changed(lambda: shown.browser.execute_script(slide))
+    shown.press("[")
+    assert float(shown.text("#cut output").removesuffix(" m")) == pytest.approx(1 + 0.68 * 3)
+    assert not reddish(shown.picture()).any()
+    told = shown.move(*middle)
+    assert (told["element"], float(told["z"])) == ("/elemTree", 1)
+    shown.changed(lambda: shown.browser.execute_script(slide.replace("70", "99")))
+    shown.press("]")
+    assert extent(reddish(shown.picture())) == (left, top, right, bottom)
+    assert shown.text("#cut output") == ""
+    shown.press("s")
+    left, top, right, bottom = extent(reddish(shown.picture()))
+    told = shown.move((left + right) // 2, (top + bottom) // 2)
+    assert re.fullmatch(r"from 3\.50* to 4\.0+", told["wall"])
+    from selenium.webdriver.common.keys import Keys
+
+    for _ in range(4):
+        shown.changed(lambda: shown.view.send_keys(Keys.ARROW_DOWN))
+    left, top, right, bottom = extent(reddish(shown.picture()))
+    told = shown.move((left + right) // 2, (top + 2 * bottom) // 3)
+    assert (told["underside"], told["surface"]) == ("2.5000 m clear", "red")
+
+
 def test_a_click_marks_an_element_and_lists_its_keys(
     page: Callable[..., Page], boxes: Path
 ) -> None:

@@ -13,14 +13,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from terratool.definition.reader import check
 from terratool.errors import ReadError, RequestError
+from terratool.text.source import Source
+from terratool.traversability.vehicle_files import load_vehicle
 from terratool.viewing import pages
 from terratool.viewing.mesh import PageOptions
 from terratool.viewing.pages import page_of
-from terratool.viewing.places import Place, Places, read_site, shorten
+from terratool.viewing.places import Place, Places, read_site, shorten, site_of
 from terratool.viewing.scene import scene_of
+from terratool.viewing.terrain_page import terrain_scene
 from tests.commands import ROOT
-from tests.viewing.scenes import read_scene
+from tests.viewing.scenes import SHED, read_scene
 
 KIT = """{
   "surfTypes": {"steel": {"color": [1, 2, 3]}},
@@ -128,6 +132,46 @@ def test_faces_are_what_the_field_has_there(name: str) -> None:
     same = owners == found.terrain.element(*behind.T)
     assert same[wide > 8 * within].all()
     assert same.mean() > 0.9
+
+
+def test_faces_of_decks_and_bores_are_those_of_their_elements() -> None:
+    """Tops, undersides and walls by hand; sides of the block below come last, and are nobody's."""
+    site = site_of(check(Source("shed.json", json.dumps(SHED).encode())))
+    husky = load_vehicle(str(ROOT / "samples/vehicles/husky-a200.json"))
+    told, arrays = read_scene(terrain_scene(site, vehicle=husky).to_bytes())
+    points = arrays["positions"] * told["steps"] + told["origin"]
+    corners = points[arrays["corners"].reshape(-1, 3)]
+    names = np.array(told["names"])[arrays["elements"][:, 0]]
+    surfaces = np.array([one["name"] for one in told["surfaces"]])[arrays["faceSurfaces"][:, 0]]
+    ends = np.cumsum([told["ground_faces"], told["under_faces"]])
+    tops, undersides = np.split(np.arange(len(names)), ends)[:2]
+    block = np.arange(len(names) - told["block_faces"], len(names))
+    walls = np.arange(ends[1], block[0])
+
+    def area(faces: Any, z: float, name: str, surface: str) -> float:
+        own = (names[faces] == name) & (surfaces[faces] == surface)
+        own &= np.abs(corners[faces, :, 2] - z).max(axis=1) < 1e-3
+        sides = corners[faces][own][:, 1:] - corners[faces][own][:, :1]
+        return float(np.cross(sides[:, 0], sides[:, 1])[:, 2].sum() / 2)
+
+    roof, hill, bore = (f"/elemTree/children/{index}" for index in range(3))
+    assert area(tops, 4, roof, "red") == pytest.approx(6, abs=1e-3)
+    assert area(undersides, 3.5, roof, "red") == pytest.approx(-6, abs=1e-3)
+    assert area(tops, 5, hill, "grass") == pytest.approx(9, abs=1e-3)
+    assert area(tops, 1, bore, "road") == pytest.approx(3, abs=1e-3)
+    assert area(tops, 1, "/elemTree", "grass") == pytest.approx(12 * 8 - 9, abs=1e-3)
+    assert area(undersides, 3, bore, "road") == pytest.approx(-3, abs=1e-3)
+    raised = np.flatnonzero(arrays["raised"][:, 0])
+    assert set(names[raised]) == {roof, hill}
+    assert area(raised, 4, roof, "red") == pytest.approx(6, abs=1e-3)
+    assert area(raised, 5, hill, "grass") == pytest.approx(3, abs=1e-3)
+    beside = corners[walls].mean(axis=1)
+    assert (names[walls] == np.where(beside[:, 0] > 6, roof, hill)).all()
+    within = (beside[:, 2] < 3) & (np.abs(beside[:, 1] - 6.5) < 0.6)
+    assert (surfaces[walls][within & (beside[:, 0] < 4)] == "road").all() and within.any()
+    assert len(block) and set(names[block]) == {""}
+    assert told["heights"] == pytest.approx([1, 5], abs=1e-3) and told["hidden"] == []
+    assert told["map"]["vehicle"]
 
 
 def test_rounding_is_of_powers_of_two_that_float32_holds() -> None:

@@ -88,10 +88,12 @@ def test_layers_of_decks_need_one(layer: str, tmp_path: Path) -> None:
 
 def side(tmp_path: Path, **options: Any) -> Any:
     wanted = {"perspective": True, "pixels": 640, "dpi": 72.0, "legend": False, "title": ""}
-    path = tmp_path / "view.png"
+    path = tmp_path / f"view{options.get('elevation', '')}.png"
     render(
         plate(ROOFS[0]), path,
-        RenderOptions(azimuth=180.0, elevation=30.0, exaggeration=1.0, **wanted, **options),
+        RenderOptions(
+            **{"azimuth": 180.0, "elevation": 30.0, "exaggeration": 1.0, **wanted, **options}
+        ),
     )  # fmt: skip
     return pixels_of(path)
 
@@ -106,6 +108,33 @@ def test_one_looks_below_a_deck(tmp_path: Path) -> None:
     wall = box[middle[box, 0] < 0.85 * middle[box, 0].max()]
     assert len(wall) / np.ptp(columns) == pytest.approx(0.5 / 8 * math.cos(math.pi / 6), abs=0.015)
     assert hue_of(middle[wall[-1] + 4]) == hue_of(SAND)
+
+
+def test_undersides_are_seen_from_below(tmp_path: Path) -> None:
+    """From straight below there is the roof alone, 8 × 4, in the north-east, and no ground.
+
+    From the south, 30° below, its south side is over its underside.
+    """
+    pixels = side(tmp_path, elevation=-90.0)
+    seen = (pixels < 250).any(axis=2) & (pixels[..., 0] > 2.5 * pixels[..., 1])
+    rows, columns = np.nonzero(seen)
+    assert np.ptp(columns) / np.ptp(rows) == pytest.approx(8 / 4, rel=0.05)
+    assert seen[rows.min() + 2 : rows.max() - 2, columns.min() + 2 : columns.max() - 2].all()
+    around = (pixels[: pixels.shape[0] * 3 // 4] < 250).any(axis=2).sum()  # above the caption
+    assert around <= seen.sum() + 2 * (np.ptp(rows) + np.ptp(columns) + 4)  # and its dark edges
+    pixels = side(tmp_path, elevation=-30.0)
+    red = (pixels[..., 0] > 2.5 * pixels[..., 1]) & (pixels[..., 0] > 60)
+    rows, columns = np.nonzero(red)
+    line = pixels[rows.min() : rows.max() + 1, round(columns.mean()), 0]
+    dark, wide = np.flatnonzero(line < 0.7 * line.max()), np.ptp(columns)
+    assert dark[0] == 0 and len(dark) == dark[-1] + 1
+    assert len(dark) / wide == pytest.approx(0.5 * math.cos(math.pi / 6) / 8, abs=0.015)
+    assert (len(line) - len(dark)) / wide == pytest.approx(4 * math.sin(math.pi / 6) / 8, abs=0.02)
+
+
+def test_from_below_there_must_be_something(tmp_path: Path) -> None:
+    with pytest.raises(RequestError, match=r"no deck and no bore .* Give --elevation from 5 to"):
+        render(plate(), tmp_path / "v.png", RenderOptions(perspective=True, elevation=-30.0))
 
 
 def test_layers_lie_on_what_a_plan_shows(tmp_path: Path) -> None:

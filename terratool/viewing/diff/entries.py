@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import chain, islice
 from typing import Any
 
 from msgspec import UNSET, Struct
@@ -146,38 +147,37 @@ def _entry(
     counts = (
         side.terrain.count_by_surface() if what == "surface" else side.terrain.count_by_primitive()
     )
-    places = tuple(_places(side, attribute, wanted))
+    places = tuple(side.pointer(*one) for one in islice(_elements(side, attribute, wanted), _NAMED))
     return EntryChange(what, kind, name, was, keys, counts.get(wanted, 0), places), in_use
 
 
-def _places(side: DiffSide, attribute: str, name: str) -> Iterator[str]:
-    """JSON pointers of the first elements whose attribute has a value."""
-    found = 0
+def _elements(side: DiffSide, attribute: str, name: str) -> Iterator[tuple[Any, int]]:
+    """Roots and numbers of all elements with a surface, a primitive ("type") or a part."""
     for _, root in side.roots():
         tree = root.tree
-        has = tree.wears if attribute == "surface" else tree.has_shape
-        if name not in (tree.worn if attribute == "surface" else tree.shapes):
-            continue
-        for index in elements_of(root):
-            if has(index, {name}):
-                yield side.pointer(root, index)
-                found += 1
-                if found == _NAMED:
-                    return
+        has: Callable[[int, set[str]], bool]
+        if attribute == "surface":
+            names, has = tree.worn, tree.wears
+        elif attribute == "type":
+            names, has = tree.shapes, tree.has_shape
+        else:
+            names, has = tree.distinct("part"), partial(_places_one, tree.column("part"))
+        if name in names:
+            yield from ((root, index) for index in elements_of(root) if has(index, {name}))
+
+
+def _places_one(parts_of: Sequence[Any], index: int, parts: set[str]) -> bool:
+    """Whether an element places one of some parts, by the column of all elements' parts."""
+    return parts_of[index] in parts
 
 
 def part_entry(
     kind: Any, name: str, side: DiffSide, keys: tuple[KeyChange, ...] = ()
 ) -> EntryChange:
     """Difference in a part, with the elements that place it."""
-    count = sum(
-        root.tree.column("part")[index] == name
-        for _, root in side.roots()
-        if name in root.tree.distinct("part")
-        for index in elements_of(root)
-    )
-    places = tuple(_places(side, "part", name))
-    return EntryChange("part", kind, name, "", keys, count, places)
+    elements = list(_elements(side, "part", name))
+    places = tuple(side.pointer(*one) for one in elements[:_NAMED])
+    return EntryChange("part", kind, name, "", keys, len(elements), places)
 
 
 def _surface_keys(old: Surface, new: Surface) -> Iterator[KeyChange]:

@@ -9,6 +9,7 @@
   const ROUTE = 0x0b3d91;
   const TRACK = 0x2b2118;
   const WALL = [96, 96, 104]; // in layers that say nothing of walls
+  const BLOCK = [205, 201, 196], SECTION = 0x8a6f5a; // below the ground, and where a cut goes through
   // J. R. Nuñez, C. R. Anderton, R. S. Renslow, Optimizing colormaps with consideration for color
   // vision deficiency, PLOS ONE 13(7), 2018; viridis by N. J. Smith and S. van der Walt, 2015
   const RAMPS = {
@@ -71,8 +72,8 @@
       }
     }
 
-    /** The first face that a ray meets: {face, t}; null for none. */
-    meets(origin, direction) {
+    /** The first face that a ray meets below a height: {face, t}; null for none. */
+    meets(origin, direction, most = Infinity) {
       let best = null;
       for (let chunk = 0; 6 * chunk < this.boxes.length; chunk += 1) {
         let near = 0, far = best ? best.t : Infinity;
@@ -91,7 +92,7 @@
         const end = Math.min((chunk + 1) * CHUNK, this.faces);
         for (let face = chunk * CHUNK; face < end; face += 1) {
           const t = this.crossing(face, origin, direction);
-          if (t > 0 && (!best || t < best.t)) best = { face, t };
+          if (t > 0 && (!best || t < best.t) && origin[2] + t * direction[2] <= most) best = { face, t };
         }
       }
       return best;
@@ -116,26 +117,41 @@
       return (vx * qx + vy * qy + vz * qz) / det;
     }
 
-    /** The ground at an x and y: {face, weights}; null outside and in the void. On an edge it is
-     * that of the east and north side, as of queries. */
-    under(x, y) {
-      const step = this.told.steps[0];
-      return this.holding(x + step, y + step) || this.holding(x, y);
+    /** The top at an x and y that is nearest to z: {face, weights}; null outside and in the void.
+     * On an edge it is that of the east and north side, as of queries. */
+    under(x, y, z) {
+      const step = this.told.steps[0], tops = [0, this.told.ground_faces];
+      const nearest = (found) => (best, one) => (found(one) < found(best) ? one : best);
+      for (const at of [[x + step, y + step], [x, y]]) {
+        const listed = this.holding(...at, ...tops);
+        if (listed.length) return listed.reduce(nearest((one) => Math.abs(this.at(one).z - z)));
+      }
+      return null;
     }
 
-    holding(x, y) {
-      const ground = this.told.ground_faces;
-      for (let chunk = 0; chunk * CHUNK < ground; chunk += 1) {
+    /** All faces of a range over an x and y: {face, weights}. */
+    holding(x, y, from, to) {
+      const found = [];
+      for (let chunk = Math.floor(from / CHUNK); chunk * CHUNK < to; chunk += 1) {
         const box = 6 * chunk;
         if (x < this.boxes[box] || x > this.boxes[box + 3]) continue;
         if (y < this.boxes[box + 1] || y > this.boxes[box + 4]) continue;
-        const end = Math.min((chunk + 1) * CHUNK, ground);
-        for (let face = chunk * CHUNK; face < end; face += 1) {
+        const end = Math.min((chunk + 1) * CHUNK, to);
+        for (let face = Math.max(chunk * CHUNK, from); face < end; face += 1) {
           const weights = this.weights(face, x, y);
-          if (weights && Math.min(...weights) >= -1e-9) return { face, weights };
+          if (weights && Math.min(...weights) >= -1e-9) {
+            found.push({ face, weights });
+            if (!this.told.storeys) return found; // there is one at most
+          }
         }
       }
-      return null;
+      return found;
+    }
+
+    /** Heights of tops, or of undersides, at an x and y. */
+    heights(x, y, under = false) {
+      const { ground_faces: tops, under_faces: down } = this.told;
+      return this.holding(x, y, under ? tops : 0, under ? tops + down : tops).map((one) => this.at(one).z);
     }
 
     /** Shares of the corners of a face at an x and y. */
@@ -165,8 +181,12 @@
       return { z, slope: Math.atan(Math.hypot(east, north)) * 180 / Math.PI };
     }
 
-    upright(face) {
-      return face >= this.told.ground_faces;
+    /** What a face is: a top, an underside or a ceiling, a wall, or a side of the block. */
+    kind(face) {
+      const { ground_faces: tops, under_faces: down, block_faces: block } = this.told;
+      if (face < tops) return "top";
+      if (face < tops + down) return "underside";
+      return face < this.faces - block ? "wall" : "block";
     }
 
     /** Which way a face faces, unit vector. */
@@ -213,8 +233,10 @@
     $("#busy").textContent = text || (renderer ? "" : NO_WEBGL);
   }
 
+  const cutting = new THREE.Plane(new THREE.Vector3(0, 0, -1), 0);
+  let cut = Infinity; // height above which nothing is shown
   const eye = { target: new THREE.Vector3(), distance: 1, azimuth: 215, elevation: 35, parallel: false, fitted: false };
-  let told = null, ground = null, geometry = null, materials = null, drapes = {}, lines = null, mark = null;
+  let told = null, ground = null, geometry = null, materials = null, inside = null, drapes = {}, lines = null, mark = null;
   let layer = "surface", picked = null, waiting = false, exact = null, picture = 0;
 
   const tan = Math.tan(FIELD_OF_VIEW * Math.PI / 360);
@@ -238,6 +260,7 @@
     const [width, height] = size();
     const { up, back } = axes();
     const camera = eye.parallel ? parallel : perspective;
+    if (told && cut < Infinity) cutting.constant = (cut - told.origin[2]) * root.scale.z;
     const reach = told ? radius() : 1;
     camera.position.copy(eye.target).addScaledVector(back, eye.distance);
     camera.up.copy(up);
@@ -375,17 +398,20 @@
     };
     const done = new Uint8Array(wedges);
     for (let face = 0; face < ground.faces; face += 1) {
-      const upright = ground.upright(face), surface = told.faceSurfaces[face];
+      const kind = ground.kind(face), surface = told.faceSurfaces[face];
+      const plain = kind !== "top" || (drapes[layer] && told.raised && told.raised[face]);
       for (let corner = 3 * face; corner < 3 * face + 3; corner += 1) {
         const wedge = told.corners[corner];
         if (done[wedge]) continue;
         done[wedge] = 1;
-        if (layer === "height") {
+        if (kind === "block") {
+          put(wedge, BLOCK);
+        } else if (layer === "height") {
           put(wedge, ramp("height", (ground.points[3 * wedge + 2] + told.origin[2] - low) / range));
         } else if (layer === "slope") {
-          put(wedge, upright ? WALL : ramp("slope", slopeOf(wedge) / end));
+          put(wedge, plain ? WALL : ramp("slope", slopeOf(wedge) / end));
         } else if (drapes[layer]) {
-          put(wedge, upright ? WALL : [255, 255, 255]);
+          put(wedge, plain ? WALL : [255, 255, 255]);
         } else {
           put(wedge, told.surfaces.at(surface).color);
         }
@@ -414,10 +440,10 @@
         ? told.heights.map((z) => `${number(z, 3)} m`) : ["0°", `${end}°${end < 90 ? " and more" : ""}`];
       ends.append(...texts.map((text) => element("span", { textContent: text })));
       box.append(bar, ends);
-      if (layer === "slope") box.append(swatch(WALL, "wall"));
+      if (layer === "slope") box.append(swatch(WALL, told.storeys ? "wall, underside" : "wall"));
       return;
     }
-    const present = new Set(told.faceSurfaces);
+    const present = new Set(told.faceSurfaces.subarray(0, ground.faces - told.block_faces));
     const rows = drapes[layer]
       ? told.map.classes.map((one, index) => [one, told[layer].filter((code) => code === index).length])
         .filter(([, count]) => count)
@@ -425,7 +451,7 @@
       : told.surfaces.map((one, index) => [one, index === told.surfaces.length - 1 ? -1 : index])
         .filter(([, index]) => present.has(index))
         .map(([one]) => swatch(one.color, one.name || "no surface", one.descr));
-    if (drapes[layer]) rows.push(swatch(WALL, "wall"));
+    if (drapes[layer]) rows.push(swatch(WALL, told.storeys ? "wall, underside, and tops over others" : "wall"));
     box.append(...rows);
   }
 
@@ -474,7 +500,7 @@
       root.remove(child);
       child.geometry?.dispose();
     }
-    for (const one of materials || []) one.dispose();
+    for (const one of [...materials || [], ...inside ? [inside.material] : []]) one.dispose();
     for (const one of Object.values(drapes)) one.dispose();
     mark = lines = null;
     drapes = {};
@@ -486,6 +512,11 @@
     for (let wedge = 0; wedge < wedges; wedge += 1) {
       const nx = told.normals[2 * wedge] / 32767, ny = told.normals[2 * wedge + 1] / 32767;
       normals.set([nx, ny, Math.sqrt(Math.max(0, 1 - nx * nx - ny * ny))], 3 * wedge);
+    }
+    const down = told.ground_faces + told.under_faces;
+    for (let corner = 3 * told.ground_faces; corner < 3 * down; corner += 1) {
+      const at = 3 * told.corners[corner] + 2;
+      normals[at] = -Math.abs(normals[at]);
     }
     geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(Float32Array.from(ground.points), 3));
@@ -501,23 +532,30 @@
     materials = [new THREE.MeshLambertMaterial(common), new THREE.MeshLambertMaterial(common)];
     drapes = told.map ? { verdict: texture(told.verdict), worst: texture(told.worst) } : {};
     const mesh = new THREE.Mesh(geometry, materials);
-    mesh.frustumCulled = false;
-    root.add(mesh, frame());
+    // solids are closed: where a cut opens them, their insides look like what was cut
+    inside = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ color: SECTION, side: THREE.BackSide }));
+    mesh.frustumCulled = inside.frustumCulled = false;
+    root.add(mesh, inside, frame());
+    $("#cut").hidden = !told.storeys;
+    slice(told.storeys ? Number($("#cut input").value) : 100);
     $("#verdict").hidden = $("#worst").hidden = !told.map;
   }
 
   /** A map of verdicts, and where each vertex lies in it. */
   function texture(codes) {
     const { west, south, resolution, width, height, classes } = told.map;
-    const pixels = new Uint8Array(4 * width * height).fill(255);
+    const pixels = new Uint8Array(4 * width * (height + 1)).fill(255); // a white row for what has no verdict
     codes.forEach((one, pixel) => pixels.set(classes[one].color, 4 * pixel));
     const wedges = told.positions.length / 3, places = new Float32Array(2 * wedges);
     for (let wedge = 0; wedge < wedges; wedge += 1) {
       places[2 * wedge] = (ground.points[3 * wedge] + told.origin[0] - west) / (width * resolution);
-      places[2 * wedge + 1] = (ground.points[3 * wedge + 1] + told.origin[1] - south) / (height * resolution);
+      places[2 * wedge + 1] = (ground.points[3 * wedge + 1] + told.origin[1] - south) / ((height + 1) * resolution);
     }
+    (told.raised || []).forEach((raised, face) => {
+      if (raised) for (let k = 0; k < 3; k += 1) places[2 * told.corners[3 * face + k] + 1] = 1 - 0.5 / (height + 1);
+    });
     geometry.setAttribute("uv", new THREE.BufferAttribute(places, 2));
-    const map = new THREE.DataTexture(pixels, width, height, THREE.RGBAFormat);
+    const map = new THREE.DataTexture(pixels, width, height + 1, THREE.RGBAFormat);
     map.magFilter = map.minFilter = THREE.NearestFilter;
     map.needsUpdate = true;
     return map;
@@ -590,7 +628,7 @@
       ["from", `${number(west, 6)}, ${number(south, 6)}`],
       ["heights", `${number(told.heights[0], 3)} to ${number(told.heights[1], 3)} m`],
       ["elements", `${told.elements_total.toLocaleString("en")}`],
-      ["faces", `${ground.faces.toLocaleString("en")}, ${(ground.faces - told.ground_faces).toLocaleString("en")} of walls`],
+      ["faces", facesSaid()],
       ["heights are within", `${short(told.error)} m${told.measured ? ", as far as measured" : ""}`],
       ["slopes are within", `${short(told.slope_error)}° at 99 of 100 places`],
     ];
@@ -604,6 +642,12 @@
     if (told.crs) rows.push(["crs", told.crs]);
     if (told.map) rows.push(["vehicle", told.map.vehicle]);
     list($("#facts dl"), rows);
+  }
+
+  function facesSaid() {
+    const { ground_faces: tops, under_faces: down, block_faces: block } = told;
+    const shown = ground.faces - block, said = (count) => count.toLocaleString("en");
+    return `${said(shown)}, ${said(shown - tops - down)} of walls${down ? `, ${said(down)} of undersides` : ""}`;
   }
 
   function counted(count, noun) {
@@ -648,39 +692,54 @@
     const origin = ray.ray.origin.clone(), direction = ray.ray.direction;
     if (eye.parallel) origin.addScaledVector(direction, -4 * radius() - eye.distance);
     const o = [origin.x, origin.y, origin.z / tall], d = [direction.x, direction.y, direction.z / tall];
-    const hit = ground.meets(o, d);
+    const hit = ground.meets(o, d, cut - told.origin[2]);
     if (!hit) return null;
+    const facing = ground.facing(hit.face);
+    if (cut < Infinity && facing.reduce((sum, value, axis) => sum + value * d[axis], 0) > 0) return null; // inside
     const at = o.map((value, axis) => value + hit.t * d[axis]);
-    if (ground.upright(hit.face)) return wall(hit.face, at);
+    const kind = ground.kind(hit.face);
+    if (kind === "block") return null;
+    if (kind === "wall") return wall(hit.face, at, facing);
+    const world = at.map((value, axis) => value + told.origin[axis]);
+    if (kind === "underside") {
+      const below = Math.max(...ground.heights(at[0], at[1]).filter((z) => z <= at[2]));
+      const clear = Number.isFinite(below) ? at[2] - below : null;
+      return { x: world[0], y: world[1], z: world[2], face: hit.face, under: true, clear };
+    }
     const plane = digits().plane;
-    const [x, y] = [0, 1].map((axis) => Number((at[axis] + told.origin[axis]).toFixed(plane)));
-    return on(x, y) || on(at[0] + told.origin[0], at[1] + told.origin[1]);
+    const [x, y] = [0, 1].map((axis) => Number(world[axis].toFixed(plane)));
+    return on(x, y, at[2]) || on(world[0], world[1], at[2]);
   }
 
-  function on(x, y) {
+  /** The top at a place of the world that is nearest to a height of the mesh. */
+  function on(x, y, near) {
     const local = [x - told.origin[0], y - told.origin[1]];
-    const found = ground.under(...local);
+    const found = ground.under(...local, near);
     if (!found) return null;
     const { z, slope } = ground.at({ face: found.face, weights: ground.weights(found.face, ...local) });
     return { x, y, z: z + told.origin[2], slope, face: found.face };
   }
 
-  /** A place of a wall: it stands between the heights on its two sides. */
-  function wall(face, at) {
-    const facing = ground.facing(face), [west, south, east, north] = told.bounds;
+  /** A place of a wall: it stands between the heights on its two sides, or below what it ends. */
+  function wall(face, at, facing) {
+    const [west, south, east, north] = told.bounds;
     const beside = 16 * told.steps[0] + 1e-6 * Math.max(east - west, north - south);
-    const heights = [-1, 1].map((sign) => {
-      const found = ground.holding(at[0] + sign * beside * facing[0], at[1] + sign * beside * facing[1]);
-      return found && ground.at(found).z + told.origin[2];
-    });
+    const [behind, before] = [-1, 1].map((sign) => [0, 1].map((axis) => at[axis] + sign * beside * facing[axis]));
+    const [over, below, bottom] = told.storeys
+      ? [ground.heights(...behind).filter((z) => z >= at[2] - told.error),
+        ground.heights(...before).filter((z) => z <= at[2] + told.error),
+        ground.heights(...behind, true).filter((z) => z <= at[2] + told.error)]
+      : [ground.heights(...behind), ground.heights(...before), []];
+    const heights = [Math.min(...over), Math.max(...below, ...bottom)]
+      .map((z) => (Number.isFinite(z) ? z + told.origin[2] : null));
     return {
       x: at[0] + told.origin[0], y: at[1] + told.origin[1], z: at[2] + told.origin[2],
       face, wall: heights,
     };
   }
 
-  function verdictAt(x, y, codes) {
-    if (!told.map) return "";
+  function verdictAt({ x, y, face }, codes) {
+    if (!told.map || (told.raised && told.raised[face])) return "";
     const { west, south, resolution, width, height, classes } = told.map;
     const column = Math.floor((x - west) / resolution), row = Math.floor((y - south) / resolution);
     if (column < 0 || row < 0 || column >= width || row >= height) return "";
@@ -711,9 +770,11 @@
     if (found.wall) {
       const [above, below] = found.wall.map((height) => (height === null ? "no ground" : height.toFixed(z)));
       rows.push(row(["wall", `from ${below} to ${above}`]));
+    } else if (found.under) {
+      rows.push(row(["underside", found.clear === null ? "over nothing" : `${found.clear.toFixed(z)} m clear`]));
     } else {
-      rows.push(row(["slope", `${found.slope.toFixed(1)}°`], ["verdict", verdictAt(found.x, found.y, told.verdict)],
-        ["worst heading", verdictAt(found.x, found.y, told.worst)]));
+      rows.push(row(["slope", `${found.slope.toFixed(1)}°`], ["verdict", verdictAt(found, told.verdict)],
+        ["worst heading", verdictAt(found, told.worst)]));
     }
     const name = found.exact ? found.exact.surface : surface.name;
     const soil = (told.surfaces.find((one) => one.name === name) || surface).soil;
@@ -743,9 +804,10 @@
 
   /** Ask the field itself, where there is one to ask. */
   async function ask(found) {
-    if (!live || !found || found.wall) return;
+    if (!live || !found || found.wall || found.under) return;
     const mine = exact = {};
-    const answer = await fetch(`values?x=${found.x}&y=${found.y}`).then((a) => (a.ok ? a.json() : null), () => null);
+    const below = told.storeys ? `&below=${found.z + 2 * told.error}` : "";
+    const answer = await fetch(`values?x=${found.x}&y=${found.y}${below}`).then((a) => (a.ok ? a.json() : null), () => null);
     if (mine !== exact || !answer || answer.picture !== picture || answer.z === null) return;
     say({ ...found, z: answer.z, slope: answer.slope, exact: answer });
   }
@@ -923,7 +985,20 @@
     draw();
   }
 
+  /** Show nothing above a share of all heights, 0 to 100; all of them at 100. */
+  function slice(value) {
+    const [low, high] = told.heights, whole = value >= 100;
+    cut = whole ? Infinity : low + (high - low) * value / 100;
+    renderer && (renderer.clippingPlanes = whole ? [] : [cutting]);
+    inside.visible = !whole;
+    $("#cut input").value = String(value);
+    $("#cut output").textContent = whole ? "" : `${number(cut, 2)} m`;
+    draw();
+  }
+
   const keys = {
+    "[": () => told.storeys && slice(Math.max(0, Number($("#cut input").value) - 2)),
+    "]": () => told.storeys && slice(Math.min(100, Number($("#cut input").value) + 2)),
     t: () => look("top"), n: () => look("north"), e: () => look("east"), s: () => look("south"),
     w: () => look("west"), 0: () => look("home"), Home: () => look("home"),
     "+": () => zoom(0.8, ...middle()), "=": () => zoom(0.8, ...middle()), "-": () => zoom(1.25, ...middle()),
@@ -958,6 +1033,7 @@
   document.querySelectorAll("#layers input").forEach((one) => one.addEventListener("change", () => choose_layer(one.value)));
   document.querySelectorAll("#views button").forEach((one) => one.addEventListener("click", () => look(one.dataset.view)));
   $("#exaggeration input").addEventListener("input", (event) => stretch(Number(event.target.value)));
+  $("#cut input").addEventListener("input", (event) => slice(Number(event.target.value)));
   $("#lines input").addEventListener("change", (event) => { lines.visible = event.target.checked; draw(); });
   $("#unpick").addEventListener("click", () => { pick(null); canvas.focus(); });
   $("#handle").addEventListener("click", () => {
