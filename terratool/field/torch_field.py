@@ -161,7 +161,9 @@ class TorchField:
     def _world(self, points: torch.Tensor) -> list[NDArray[np.float64]]:
         """World coordinates of points on a CPU, float64, each by itself."""
         along = np.moveaxis(points.numpy(), -1, 0)
-        return [np.add(x, zero, dtype=np.float64) for x, zero in zip(along, self.origin, strict=False)]
+        return [
+            np.add(x, zero, dtype=np.float64) for x, zero in zip(along, self.origin, strict=False)
+        ]
 
     def _from_origin(self, height: Any) -> NDArray[np.float32]:
         """Heights above the origin's height, float32."""

@@ -34,7 +34,7 @@ _EACH = 1024
 _ROOMS = (32, 256, 2048)
 """Numbers of grids that may wait in a descent; the kernel with the least that suffices is compiled.
 """
-_SHEETS = (0, 4, 16, 64)
+_SHEETS = (0, 8, 64)
 """Numbers of sheets of storeys; no more than a lattice has bits for, and chosen likewise."""
 
 
@@ -109,8 +109,8 @@ class WarpField:
         count = next((count for count in _SHEETS if count >= len(sheets)), None)
         if count is None:
             raise RequestError(
-                f"Up to {len(sheets)} decks and bores overlap in plan, and the kernels of Warp have "
-                f"room for {_SHEETS[-1]}.",
+                f"Up to {len(sheets)} decks and bores overlap in plan, and the kernels of Warp "
+                f"have room for {_SHEETS[-1]}.",
                 "Ask terrain.height, or have fewer of them overlap.",
             )
         friction = frictions_of(terrain, default_friction)

@@ -1259,26 +1259,31 @@ def compile_kernels(room: int, sheets: int = 0) -> DeviceFunctions:
         return found
 
     @wp.func
-    def plain_ground_at(field: wp.array(dtype=DeviceField), x: wp.float64, y: wp.float64):
-        """Return the ground at a point of the world, without storeys."""
-        if is_inside(field, x, y):
-            found = descend(field, wp.vec2d(x, y))
-            return settle(field, found, x, y)
-        return no_ground()
+    def plain_standing_at(
+        field: wp.array(dtype=DeviceField), point: wp.vec2d, limited: wp.bool, z: wp.float64
+    ):
+        """Return the ground at a point of the world; if limited, only if it is not above `z`."""
+        if not is_inside(field, point[0], point[1]):
+            return no_ground()
+        found = descend(field, point)
+        ground = settle(field, found, point[0], point[1])
+        if limited and not ground.height <= z:
+            return no_ground()
+        return ground
+
+    standing_at = _storeyed(sheets, descend) if sheets else plain_standing_at
 
     @wp.func
-    def plain_ground_below(
+    def ground_at(field: wp.array(dtype=DeviceField), x: wp.float64, y: wp.float64):
+        """Return the highest ground at a point of the world."""
+        return standing_at(field, wp.vec2d(x, y), False, ZERO)
+
+    @wp.func
+    def ground_below(
         field: wp.array(dtype=DeviceField), x: wp.float64, y: wp.float64, z: wp.float64
     ):
-        """Return the ground at a point of the world if it is not above `z`, without storeys."""
-        ground = plain_ground_at(field, x, y)
-        if ground.height <= z:
-            return ground
-        return no_ground()
-
-    ground_at, ground_below = plain_ground_at, plain_ground_below
-    if sheets:
-        ground_at, ground_below = _storeyed(sheets, descend, plain_ground_at, plain_ground_below)
+        """Return the highest ground at a point of the world that is not above `z`."""
+        return standing_at(field, wp.vec2d(x, y), True, z)
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def sample(
@@ -1316,13 +1321,11 @@ def compile_kernels(room: int, sheets: int = 0) -> DeviceFunctions:
                 x = wp.float64(spots[n][0])
                 y = wp.float64(spots[n][1])
                 z = wp.float64(spots[n][2])
-            x += field[0].origin[0]
-            y += field[0].origin[1]
-            ground = DeviceGround()
+            point = wp.vec2d(x + field[0].origin[0], y + field[0].origin[1])
+            limited = wp.bool(False)
             if spots or exact_spots:
-                ground = ground_below(field, x, y, z + field[0].origin[2])
-            else:
-                ground = ground_at(field, x, y)
+                limited = True
+            ground = standing_at(field, point, limited, z + field[0].origin[2])
             height[n] = wp.float32(ground.height - field[0].origin[2])
             if normal:
                 a = ZERO - ground.gradient[0]
@@ -1339,17 +1342,11 @@ def compile_kernels(room: int, sheets: int = 0) -> DeviceFunctions:
     return DeviceFunctions(ground_at, ground_below, sample)
 
 
-def _storeyed(sheets: int, descend: Any, plain_at: Any, plain_below: Any) -> tuple[Any, Any]:
-    """Return `ground_at` and `ground_below` for terrains with storeys.
+def _storeyed(sheets: int, descend: Any) -> Any:
+    """Return the function `standing_at` for terrains with storeys, made of the descent.
 
     A field of those is that of the ground, and after it, sheet by sheet, that of the tops and that
-    of the other faces.
-
-    Args:
-        sheets: number of sheets that a terrain may have.
-        descend: the descent.
-        plain_at: `ground_at` without storeys.
-        plain_below: `ground_below` without storeys.
+    of the other faces. Descents have one place in the code, or compilers take minutes.
     """
     floats: Any = wp.types.vector(length=sheets + 1, dtype=wp.float64)
     whole: Any = wp.types.vector(length=sheets + 1, dtype=wp.int32)
@@ -1370,6 +1367,7 @@ def _storeyed(sheets: int, descend: Any, plain_at: Any, plain_below: Any) -> tup
             tops: number of tops of the column.
             order: faces that have them, from below.
             grounded: whether the lowest of them is solid all the way down.
+            bare: surface of the ground, void or not; -1 for none.
         """
 
         faces: wp.int32
@@ -1382,6 +1380,7 @@ def _storeyed(sheets: int, descend: Any, plain_at: Any, plain_below: Any) -> tup
         tops: wp.int32
         order: whole
         grounded: wp.bool
+        bare: wp.int32
 
     @wp.func
     def top_of(column: Column, k: wp.int32):
@@ -1419,59 +1418,67 @@ def _storeyed(sheets: int, descend: Any, plain_at: Any, plain_below: Any) -> tup
         return -1
 
     @wp.func
-    def with_storey(
-        field: wp.array(dtype=DeviceField), sheet: wp.int32, column: Column, point: wp.vec2d
-    ):
-        """Return a column with the storey of a sheet at a point, if there is one."""
-        tops = field[2 * sheet + 1 : 2 * sheet + 2]
-        found = descend(tops, point)
-        if found.top < 0:
-            return column
-        storey = tops[0].storeys[found.top]
-        if storey < 0:
-            return column
-        faces = field[2 * sheet + 2 : 2 * sheet + 3]
-        other = descend(faces, point)
-        if other.top < 0:
-            return column
-        if faces[0].storeys[other.top] != storey or wp.isnan(other.z):
-            return column
-        surface, is_void = worn_at(tops, found.top, found.pixel)
-        nothing = is_void != 0 or wp.isnan(found.z)
-        face = other.z
-        gap = field[0].gaps[storey]
-        low = found.z
-        high = found.z
-        bore = field[0].bores[sheet]
-        if bore != 0:
-            if not wp.isnan(gap):
-                face = other.z + gap
-            high = face
-            if nothing:
-                low = -wp.float64(wp.inf)
-        else:
-            if not wp.isnan(gap):
-                face = other.z - gap
-            low = face
-            if nothing:
-                return column
-        if not high > low:
-            return column
-        k = column.faces
-        column.faces = k + 1
-        column.bore[k] = bore
-        column.low[k] = low
-        column.high[k] = high
-        column.surface[k] = surface
-        column.slope_x[k] = found.slope_x
-        column.slope_y[k] = found.slope_y
-        if bore != 0 and nothing:
-            column.grounded = False
-        return column
-
-    @wp.func
-    def with_tops(column: Column):
-        """Return a column with its tops in their order."""
+    def column_at(field: wp.array(dtype=DeviceField), point: wp.vec2d):
+        """Return the column at a point inside the bounds."""
+        column = Column()
+        near = sheets_near(field, point[0], point[1])
+        tops = ElementSum()
+        storey = wp.int32(-1)
+        for f in range(1 + 2 * field[0].bores.shape[0]):
+            sheet = (f - 1) >> 1
+            if f > 0 and (near >> wp.uint64(sheet)) & wp.uint64(1) == wp.uint64(0):
+                continue
+            has_faces = f > 0 and (f & 1) == 0
+            if has_faces and storey < 0:
+                continue
+            found = descend(field[f : f + 1], point)
+            if f > 0 and not has_faces:
+                tops = found
+                storey = wp.int32(-1)
+                if found.top >= 0:
+                    storey = field[f].storeys[found.top]
+                continue
+            k = column.faces
+            surface = wp.int32(-1)
+            is_void = wp.int32(0)
+            low = -wp.float64(wp.inf)
+            high = found.z
+            if has_faces:
+                if found.top < 0:
+                    continue
+                if field[f].storeys[found.top] != storey:
+                    continue
+                surface, is_void = worn_at(field[f - 1 : f], tops.top, tops.pixel)
+                column.bore[k] = field[0].bores[sheet]
+                gap = field[0].gaps[storey]
+                if wp.isnan(gap):
+                    gap = ZERO
+                if column.bore[k] != 0:
+                    high = found.z + gap
+                    if is_void == 0 and not wp.isnan(tops.z):
+                        low = tops.z
+                    elif not wp.isnan(high):
+                        column.grounded = False
+                else:
+                    low = found.z - gap
+                    high = tops.z
+                    if is_void != 0:
+                        high = NAN
+            else:
+                tops = found
+                if found.top >= 0:
+                    surface, is_void = worn_at(field, found.top, found.pixel)
+                column.bare = surface
+                if is_void != 0:
+                    high = NAN
+                column.grounded = not wp.isnan(high)
+            if high > low:
+                column.faces = k + 1
+                column.low[k] = low
+                column.high[k] = high
+                column.surface[k] = surface
+                column.slope_x[k] = tops.slope_x
+                column.slope_y[k] = tops.slope_y
         for k in range(column.faces):
             z = top_of(column, k)
             if face_at(column, z) == k:
@@ -1523,9 +1530,7 @@ def _storeyed(sheets: int, descend: Any, plain_at: Any, plain_below: Any) -> tup
         return depth_of(field, rut), rut.surface_track
 
     @wp.func
-    def settled(
-        field: wp.array(dtype=DeviceField), column: Column, top: wp.int32, point: wp.vec2d
-    ):
+    def settled(field: wp.array(dtype=DeviceField), column: Column, top: wp.int32, point: wp.vec2d):
         """Return a top as ground, with ruts and relief."""
         k = column.order[top]
         slope = wp.vec2d(column.slope_x[k], column.slope_y[k])
@@ -1542,58 +1547,29 @@ def _storeyed(sheets: int, descend: Any, plain_at: Any, plain_below: Any) -> tup
         return ground
 
     @wp.func
-    def column_at(field: wp.array(dtype=DeviceField), near: wp.uint64, point: wp.vec2d):
-        """Return the column at a point inside the bounds; `near` are the bits of sheets."""
-        column = Column()
-        found = descend(field, point)
-        surface = wp.int32(-1)
-        is_void = wp.int32(0)
-        if found.top >= 0:
-            surface, is_void = worn_at(field, found.top, found.pixel)
-        if is_void == 0 and not wp.isnan(found.z):
-            column.faces = 1
-            column.grounded = True
-            column.low[0] = -wp.float64(wp.inf)
-            column.high[0] = found.z
-            column.surface[0] = surface
-            column.slope_x[0] = found.slope_x
-            column.slope_y[0] = found.slope_y
-        for sheet in range(field[0].bores.shape[0]):
-            if (near >> wp.uint64(sheet)) & wp.uint64(1) != wp.uint64(0):
-                column = with_storey(field, sheet, column, point)
-        return with_tops(column)
-
-    @wp.func
-    def ground_at(field: wp.array(dtype=DeviceField), x: wp.float64, y: wp.float64):
-        """Return the highest top at a point of the world."""
-        near = sheets_near(field, x, y)
-        if near != wp.uint64(0) and is_inside(field, x, y):
-            point = wp.vec2d(x, y)
-            column = column_at(field, near, point)
-            if column.tops > 0:
-                return settled(field, column, column.tops - 1, point)
-            ground = no_ground()
-            ground.surface = plain_at(field, x, y).surface
-            return ground
-        return plain_at(field, x, y)
-
-    @wp.func
-    def ground_below(
-        field: wp.array(dtype=DeviceField), x: wp.float64, y: wp.float64, z: wp.float64
+    def standing_at(
+        field: wp.array(dtype=DeviceField), point: wp.vec2d, limited: wp.bool, z: wp.float64
     ):
-        """Return the highest top at a point of the world that is not above `z`."""
-        near = sheets_near(field, x, y)
-        if near == wp.uint64(0) or not is_inside(field, x, y):
-            return plain_below(field, x, y, z)
-        point = wp.vec2d(x, y)
-        column = column_at(field, near, point)
+        """Return the highest top at a point of the world; if limited, of those not above `z`."""
         found = no_ground()
+        if not is_inside(field, point[0], point[1]):
+            return found
+        column = column_at(field, point)
         lower = wp.int32(0)
-        for top in range(column.tops):  # ruts and relief may change their order
-            ground = settled(field, column, top, point)
-            lower += wp.int32(ground.height <= z)
-        if lower > 0:
-            found = settled(field, column, lower - 1, point)
+        if not limited:
+            lower = column.tops
+            found.surface = column.bare
+        for step in range(column.tops + 1):  # ruts and relief may change the order of tops
+            top = step
+            last = step == column.tops
+            if last:
+                top = lower - 1
+            if top >= 0 and (limited or last):
+                ground = settled(field, column, top, point)
+                if last:
+                    found = ground
+                elif ground.height <= z:
+                    lower += 1
         return found
 
-    return ground_at, ground_below
+    return standing_at
