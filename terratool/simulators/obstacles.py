@@ -127,6 +127,23 @@ def node_grid(grid: Grid) -> Grid:
     )  # fmt: skip
 
 
+def holes_in(
+    terrain: Terrain, grid: Grid, window: Window, near: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Which of some cells of a window, (height, width), have void or outside at corners or middles.
+
+    The middles of their sides count, too.
+    """
+    found = near.copy()
+    rows, columns = np.nonzero(near)
+    # a hair within the cell, as nodes on its border may be those of neighbours
+    within = (0.5 * grid.resolution - _hair_of(grid)) * np.array([-1.0, 0.0, 1.0])
+    x = grid.columns(window)[columns, None, None] + within[:, None]
+    y = grid.rows(window)[rows, None, None] + within
+    found[rows, columns] = np.isnan(terrain.height(x, y)).any(axis=(1, 2))
+    return found
+
+
 class ObstacleFinder:
     """Finder of obstacles in windows of cells; several threads may use one at a time.
 
@@ -179,13 +196,7 @@ class ObstacleFinder:
         for row in range(3):
             for column in range(3):
                 near |= hole[row : row + 2 * window.height : 2, column:][:, : 2 * window.width : 2]
-        rows, columns = np.nonzero(near)
-        # a hair within the cell, as nodes on its border may be those of neighbours
-        within = (0.5 * self._grid.resolution - self._hair) * np.array([-1.0, 0.0, 1.0])
-        x = self._grid.columns(window)[columns, None, None] + within[:, None]
-        y = self._grid.rows(window)[rows, None, None] + within
-        near[rows, columns] = np.isnan(self._terrain.height(x, y)).any(axis=(1, 2))
-        return near
+        return holes_in(self._terrain, self._grid, window, near)
 
     def _walls(
         self, heights: NDArray[np.float64], labels: NDArray[np.uint32], x: Points, y: Points

@@ -20,6 +20,7 @@ from terratool.simulators.obstacles import (
     OCCUPIED,
     UNKNOWN,
     DrivingLimits,
+    holes_in,
     node_grid,
     occupancy,
 )
@@ -122,21 +123,23 @@ class StoreyObstacleFinder:
             seen = [layer for layer in layers if layer is not None]
             if not seen:
                 break
-            found.append(self._cells(sheet, seen))
+            found.append(self._cells(window, sheet, seen))
         return _StoreyWindow(window, found)
 
-    def _cells(self, sheet: int, layers: list[LayerGround]) -> _SheetWindow:
-        """Cells of a sheet, by its layers."""
-        shape = tuple(side // 2 - 1 for side in layers[0].sheet.shape)
+    def _cells(self, window: Window, sheet: int, layers: list[LayerGround]) -> _SheetWindow:
+        """Cells of a sheet in a window, by its layers."""
+        shape = window.height, window.width
         cells = np.full(shape, UNKNOWN, np.int8)
         own, bars, plain = np.zeros((3, *shape), np.bool_)
         for layer in layers:
             mine = layer.own & (layer.sheet == sheet)
             middle = mine[1:-1, 1:-1][::2, 1::2]
             bars |= _by_cell(mine & self._barred(layer))
-            whole = ~_around(np.isnan(layer.planes.heights))
-            cells[middle & whole] = FREE
-            plain |= middle & ~_around(layer.sheet != 0, 1)
+            hole = np.isnan(layer.planes.heights)
+            holed = holes_in(self._terrain, self._grid, window, middle & _around(hole))
+            cells[middle & ~holed & ~_by_cell(hole)] = FREE
+            storeyed = (layer.sheet > 0) | (hole & ~layer.own)
+            plain |= middle & ~holed & ~_around(storeyed, 1)
             own |= middle
         cells[bars] = OCCUPIED
         return _SheetWindow(cells, own, plain)
