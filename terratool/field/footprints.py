@@ -54,7 +54,7 @@ def features(terrain: Terrain) -> Iterator[dict[str, Any]]:
     surfaces = [*terrain.surfaces, None]
     count = len(terrain.arrays.elements)
     for shape in _shapes(terrain, range(count)):
-        yield _feature(shape, terrain.pointer(shape.index), terrain, surfaces)
+        yield _feature(shape, terrain.pointer(shape.element), terrain, surfaces)
     if terrain.storeys is not None:
         yield from _storeys_of(terrain.storeys, surfaces)
     tracks = terrain.arrays.tracks
@@ -79,13 +79,13 @@ class _Shape(NamedTuple):
     """Footprint of an element of a plain terrain.
 
     Attributes:
-        index: index of the element.
+        element: index of the element.
         outline: corners, anticlockwise, (n, 2).
         primitive: index of its primitive.
         surface: index of its surface; -1 for none.
     """
 
-    index: int
+    element: int
     outline: Points
     primitive: int
     surface: int
@@ -129,11 +129,11 @@ def _storeys_of(storeys: Storeys, surfaces: list[str | None]) -> Iterator[dict[s
         faces = sheet.top.height(x, y), sheet.other_face(storeys.table.gaps).height(x, y)
         own = storeys.table.numbers
         for shape in _shapes(sheet.top, np.flatnonzero(sheet.storeys >= 0).tolist()):
-            number = int(sheet.numbers[shape.index])
-            storey = int(own[sheet.storeys[shape.index]])
+            number = int(sheet.numbers[shape.element])
+            storey = int(own[sheet.storeys[shape.element]])
             more: dict[str, Any] = {kind: storeys.pointer(storey)}
             if number == storey:
-                heights = (float(face[shape.index]) for face in faces)
+                heights = (float(face[shape.element]) for face in faces)
                 more |= {
                     name: None if math.isnan(height) else height
                     for name, height in zip(names, heights, strict=True)

@@ -1352,7 +1352,7 @@ def _storeyed(sheets: int, descend: Any) -> Any:
     whole: Any = wp.types.vector(length=sheets + 1, dtype=wp.int32)
 
     @wp.struct
-    class Column:
+    class DeviceColumn:
         """Faces at a point in the order in which they count, the ground's first.
 
         Attributes:
@@ -1383,14 +1383,14 @@ def _storeyed(sheets: int, descend: Any) -> Any:
         bare: wp.int32
 
     @wp.func
-    def top_of(column: Column, k: wp.int32):
+    def top_of(column: DeviceColumn, k: wp.int32):
         """Return the height of the top that a face may be."""
         if column.bore[k] != 0:
             return column.low[k]
         return column.high[k]
 
     @wp.func
-    def face_at(column: Column, z: wp.float64):
+    def face_at(column: DeviceColumn, z: wp.float64):
         """Return the face that is the top of a solid at a height; -1 where none ends there.
 
         What is just below and just above is told apart; of equal ends the later counts.
@@ -1420,7 +1420,7 @@ def _storeyed(sheets: int, descend: Any) -> Any:
     @wp.func
     def column_at(field: wp.array(dtype=DeviceField), point: wp.vec2d):
         """Return the column at a point inside the bounds."""
-        column = Column()
+        column = DeviceColumn()
         near = sheets_near(field, point[0], point[1])
         tops = ElementSum()
         storey = wp.int32(-1)
@@ -1492,7 +1492,7 @@ def _storeyed(sheets: int, descend: Any) -> Any:
         return column
 
     @wp.func
-    def top_under(column: Column, z: wp.float64):
+    def top_under(column: DeviceColumn, z: wp.float64):
         """Return which of the tops a point of a path lies on; -1 for none."""
         if wp.isnan(z):
             if column.grounded and column.tops > 0:
@@ -1511,7 +1511,7 @@ def _storeyed(sheets: int, descend: Any) -> Any:
     def rut_on(
         field: wp.array(dtype=DeviceField),
         cell: wp.int32,
-        column: Column,
+        column: DeviceColumn,
         top: wp.int32,
         point: wp.vec2d,
     ):
@@ -1530,7 +1530,9 @@ def _storeyed(sheets: int, descend: Any) -> Any:
         return depth_of(field, rut), rut.surface_track
 
     @wp.func
-    def settled(field: wp.array(dtype=DeviceField), column: Column, top: wp.int32, point: wp.vec2d):
+    def settled(
+        field: wp.array(dtype=DeviceField), column: DeviceColumn, top: wp.int32, point: wp.vec2d
+    ):
         """Return a top as ground, with ruts and relief."""
         k = column.order[top]
         slope = wp.vec2d(column.slope_x[k], column.slope_y[k])

@@ -102,6 +102,7 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
         losses=(
             "A cell has what is at its middle, not a mean.",
             loss.sentence(grid.resolution, "cell"),
+            *["That is of the ground; decks and bores are not counted."] * (len(sheets) > 1),
             *filter(None, [lacking]),
         ),
         facts={
