@@ -1404,7 +1404,7 @@ def _storeyed(sheets: int, descend: Any) -> Any:
             from_below = low < z and z <= high
             from_above = low <= z and z < high
             if column.bore[k] != 0:
-                if from_above and low == z and solid and over:
+                if from_above and low == z and over:
                     face = k
                 solid = solid and not from_below
                 over = over and not from_above

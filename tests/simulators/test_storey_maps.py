@@ -49,6 +49,10 @@ YARD: dict[str, Any] = {
             {"at": [10.5, 5], "extent": [2, 3], "type": "flat", "vScale": 2},
             {"at": [10.5, 5.5], "extent": [3, 1], "type": "flat", "vScale": 0,
              "bore": {"height": 1, "datum": True}},
+            # a cutting through a bank, x 6.5 to 7.5, y 5.2 to 5.8
+            {"at": [7, 5.5], "extent": [1, 2], "type": "flat", "vScale": 0.5},
+            {"at": [7, 5.5], "extent": [2, 0.6], "type": "flat", "vScale": 0,
+             "bore": {"height": 1, "datum": True}},
             # a plank, x 0.74 to 1.26, over a hole, x 0.5 to 1.5, y 5 to 6
             {"at": [1, 5.5], "extent": [1, 1], "type": "flat", "vScale": 0, "surface": "hole"},
             deck([1, 5.5], [0.52, 2], 0.05),
@@ -86,6 +90,9 @@ def exported(folder: Path, target: str = "nav2", **options: Any) -> tuple[Path, 
         (0, 10.55, 5.55, FREE),  # on the hill, over the tunnel
         (0, 9.55, 5.55, OCCUPIED),  # over its mouth
         (0, 9.35, 5.55, FREE),  # before it
+        (0, 7.05, 5.25, FREE),  # in the cutting, whose rim is the bank's
+        (0, 7.05, 5.85, OCCUPIED),
+        (0, 7.05, 5.95, FREE),
         (0, 0.65, 5.55, UNKNOWN),  # the hole, the plank over it
         (0, 1.05, 5.55, FREE),
         (0, 1.35, 5.55, UNKNOWN),
@@ -93,6 +100,10 @@ def exported(folder: Path, target: str = "nav2", **options: Any) -> tuple[Path, 
         (BORE, 10.55, 4.95, UNKNOWN),
         (BORE, 9.65, 5.95, FREE),
         (BORE, 7.05, 2.05, UNKNOWN),
+        (BORE, 7.05, 5.75, FREE),
+        (DECKS, 0.75, 5.55, UNKNOWN),  # the hole reaches into the cells at the sides of the plank
+        (DECKS, 0.85, 5.55, FREE),
+        (DECKS, 1.25, 5.55, UNKNOWN),
         (DECKS, 3.55, 2.05, FREE),
         (DECKS, 3.55, 1.05, OCCUPIED),  # the side of the ramp, 0.4 m high
         (DECKS, 3.55, 0.95, UNKNOWN),
@@ -125,7 +136,7 @@ def test_what_is_said_of_them(tmp_path: Path) -> None:
     facts = manifest["storeys"]
     assert [one["file"] for one in facts] == [f"map.storey-{n}.yaml" for n in (1, 2, 3)]
     assert [(one.get("bores"), one.get("decks")) for one in facts] == [
-        (1, None), (None, 3), (None, 1),
+        (2, None), (None, 3), (None, 1),
     ]  # fmt: skip
     # the middle of the ramp's lowest cells is 5 cm up its 4 m
     assert facts[0]["heights"] == [0, 0] and facts[2]["heights"] == [3, 3]
@@ -151,12 +162,25 @@ def test_away_from_storeys_nothing_is_new() -> None:
     found = storey_occupancy(terrain, grid, limits)
     ground = occupancy(terrain.ground_alone, grid, limits)
     assert found.shape == (4, *ground.shape)
-    plank = np.zeros(ground.shape, np.bool_)
-    plank[2:10, 3:5] = True
+    changed = np.zeros(ground.shape, np.bool_)
+    changed[2:10, 3:5] = changed[3:9, 25:31] = True  # the plank, and the cutting
     assert (ground == OCCUPIED).sum() > 10 and (ground == UNKNOWN).sum() == 16
-    np.testing.assert_array_equal(found[0][~plank], ground[~plank])
+    np.testing.assert_array_equal(found[0][~changed], ground[~changed])
     assert (found[0] == UNKNOWN).sum() == 8  # of 4 × 4 cells of the hole those beside the plank
     assert (found[1:, 12:16] == UNKNOWN).all() and (found[1:, :, 38:][:, 8:] == UNKNOWN).all()
+
+
+@pytest.mark.parametrize("curve", [{"x": [0, 1], "y": [1]}, {"x": [1], "y": [0, 1]}])
+@pytest.mark.parametrize(("rise", "cell"), [(0.5, FREE), (0.6, OCCUPIED)])
+def test_a_slope_is_no_step(curve: Any, rise: float, cell: int) -> None:
+    """On a ramp with a rise of 0.5 over 2 m, 14°, no step is seen, be it as low as a millimetre."""
+    ramp = {**deck([3, 2], [2, 2], rise), "type": "slope"}
+    types = {**YARD["elemTypes"], "slope": curve}
+    tree = {**YARD["elemTree"], "children": [ramp]}
+    terrain = terrain_of({**YARD, "elemTypes": types, "elemTree": tree})
+    limits = DrivingLimits.of(math.degrees(math.atan(0.26)), 0.001)
+    found = storey_occupancy(terrain, cell_grid(terrain, 0.1), limits)
+    assert (found[1, -29:-11, 21:39] == cell).all()
 
 
 def vehicle(folder: Path, height: float | None) -> Path:
