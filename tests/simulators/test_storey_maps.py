@@ -219,6 +219,25 @@ def test_a_vehicle_needs_room(
     assert shares["free"] == np.mean(found[DECKS].cells == FREE)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("vehicle", [None, HUSKY])
+def test_the_bank_at_a_bridge_is_lower_than_its_roof(tmp_path: Path, vehicle: Path | None) -> None:
+    """The upright bank, x from 5 on, lies apart from the bed, and is the lowest top all the same."""
+    children = [
+        {"at": [8.5, 2.5], "extent": [7, 5], "type": "flat", "vScale": 2},
+        deck([3, 2.5], [4, 2], 2),
+        deck([6.25, 2.5], [1.5, 3], 5),
+    ]
+    tree = {**YARD["elemTree"], "children": children}
+    terrain = terrain_of({**YARD, "size": [12, 5], "elemTree": tree})
+    options = SceneOptions(vehicle=vehicle, resolution=0.1, origin="world")
+    [report] = export_simulators(terrain, tmp_path, ("nav2",), options)
+    lowest, storeys = maps(report.folder, 2)
+    assert lowest.at(WEST + 6.25, SOUTH + 2.55) == FREE
+    assert storeys.at(WEST + 6.25, SOUTH + 2.55) == (FREE if vehicle is None else OCCUPIED)
+    assert storeys.at(WEST + 4.95, SOUTH + 2.55) == storeys.at(WEST + 3.05, SOUTH + 2.55) == FREE
+
+
 def test_layers_have_all_tops(tmp_path: Path) -> None:
     """Over each cell the maps together have the tops of its column, and what is over each."""
     folder, manifest = exported(tmp_path, "grid-map")
