@@ -222,7 +222,7 @@ def test_a_vehicle_needs_room(
 @pytest.mark.slow
 @pytest.mark.parametrize("vehicle", [None, HUSKY])
 def test_the_bank_at_a_bridge_is_lower_than_its_roof(tmp_path: Path, vehicle: Path | None) -> None:
-    """The upright bank, x from 5 on, lies apart from the bed, and is the lowest top all the same."""
+    """The upright bank, x from 5 on, lies apart from the bed, and is the lowest top there."""
     children = [
         {"at": [8.5, 2.5], "extent": [7, 5], "type": "flat", "vScale": 2},
         deck([3, 2.5], [4, 2], 2),
