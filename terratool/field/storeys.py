@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from terratool.definition.model import Bore, Definition, Primitive, Storey, Surface
 from terratool.definition.written import Written
 from terratool.field.compile import Compiled, compile_definition
-from terratool.field.records import align_arrays
 from terratool.field.storey_levels import level_cells
 from terratool.kernels import field as kernels
 from terratool.report.wording import decks_and_bores
@@ -107,11 +106,6 @@ class StoreySheet:
     def faces(self) -> kernels.Field:
         """Field of the other faces."""
         return self.face.field
-
-    def aligned(self) -> StoreySheet:
-        """Return the sheet with all its arrays at addresses that the kernels can read."""
-        storeys, numbers, faced = map(align_arrays, (self.storeys, self.numbers, self.faced))
-        return replace(self, storeys=storeys, numbers=numbers, faced=faced)
 
     def other_face(self, gaps: Floats) -> Terrain:
         """Plain terrain of the other faces, with the gaps between the faces, (storeys,)."""
@@ -298,11 +292,6 @@ class Storeys:
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "field"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        table, lattice = align_arrays(state["table"]), align_arrays(state["lattice"])
-        sheets = tuple(sheet.aligned() for sheet in state["sheets"])
-        vars(self).update(state, table=table, lattice=lattice, sheets=sheets)
 
     def near(self, x: Floats, y: Floats) -> NDArray[np.bool_]:
         """Whether storeys may be at points, (n,); where not, there is the ground alone."""

@@ -67,9 +67,9 @@ def test_a_finder_that_arrives_is_as_good(shift: int) -> None:
     assert own.window == its.window and own.steep.any() and len(own.walls) > 10
 
 
-@pytest.mark.parametrize("shift", [1, 4])
+@pytest.mark.parametrize("shift", [1, 16])
 def test_finders_of_decks_and_bores_that_arrive_are_as_good(shift: int) -> None:
-    """Arrays of a message are read-only, too; without its ramp the yard has level decks alone."""
+    """Aligned arrays stay in the message, read-only. Without its ramp the yard's decks are level."""
     _, *others = YARD["elemTree"]["children"]
     terrain = terrain_of({**YARD, "elemTree": {**YARD["elemTree"], "children": others}})
     grid = cell_grid(terrain, 0.1)
