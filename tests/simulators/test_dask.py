@@ -69,7 +69,7 @@ def test_a_finder_that_arrives_is_as_good(shift: int) -> None:
 
 @pytest.mark.parametrize("shift", [1, 16])
 def test_finders_of_decks_and_bores_that_arrive_are_as_good(shift: int) -> None:
-    """Aligned arrays stay in the message, read-only. Without its ramp the yard's decks are level."""
+    """Aligned arrays stay in the message, read-only. But for the ramp the decks are level."""
     _, *others = YARD["elemTree"]["children"]
     terrain = terrain_of({**YARD, "elemTree": {**YARD["elemTree"], "children": others}})
     grid = cell_grid(terrain, 0.1)
