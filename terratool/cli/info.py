@@ -19,7 +19,7 @@ from terratool.cli.options import (
     roughness_option,
 )
 from terratool.cli.saying import say, say_json, write_json
-from terratool.cli.terminal import StatusLine, say_hidden, short_name
+from terratool.cli.terminal import StatusLine, short_name
 from terratool.report.numbers import without_noise
 from terratool.report.wording import decks_and_bores
 from terratool.text.display import printable
@@ -59,9 +59,8 @@ def command(file: str, geojson: bool, as_json: bool) -> None:
         checked = load_checked(file, library_roots())
         terrain = Terrain(checked, roughness=has_roughness())
     if geojson:
-        say_hidden(terrain, file)
         with StatusLine("writing"):
-            _write_geojson(terrain.ground_alone)
+            _write_geojson(terrain)
         return
     with StatusLine("looking at heights"):
         text = None if checked.document is None else checked.document.source.data

@@ -271,6 +271,8 @@ class Storeys:
     @cached_property
     def field(self) -> kernels.Storeys:
         """Sheets, table and lattice, checked and kept by the kernels."""
+        # arrays that came in a message are read-only
+        self.lattice = self.lattice._replace(levels=np.full(self.lattice.cells.shape, np.nan))
         field = kernels.Storeys(self.sheets, self.table, self.lattice)
         level = level_cells(self)
         if not level.any():

@@ -506,7 +506,8 @@ class Terrain:
             at = np.flatnonzero(near)
             height[at], gradient[at] = np.nan, np.nan
             void = ~some & (element[at] != OUTSIDE)
-            element[at[void]] = np.where(below is None, element[at[void]], -1)
+            if below is not None:
+                element[at[void]], surface[at[void]] = -1, -1
             at = at[some]
             height[at], element[at] = rows.top[place], rows.element[place]
             surface[at] = rows.surface[place]
@@ -613,9 +614,7 @@ class Terrain:
         """
         from terratool.field.torch_field import TorchField
 
-        return TorchField(
-            self.ground_only(), device, origin=origin, default_friction=default_friction
-        )
+        return TorchField(self, device, origin=origin, default_friction=default_friction)
 
     def to_warp(
         self,
@@ -637,9 +636,7 @@ class Terrain:
         """
         from terratool.field.warp_field import WarpField
 
-        return WarpField(
-            self.ground_only(), device, origin=origin, default_friction=default_friction
-        )
+        return WarpField(self, device, origin=origin, default_friction=default_friction)
 
     @property
     def first_track(self) -> int:

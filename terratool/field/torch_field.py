@@ -89,18 +89,22 @@ class TorchField:
             default_friction=self._default_friction,
         )
 
-    def height(self, points: torch.Tensor) -> torch.Tensor:
+    def height(self, points: torch.Tensor, *, below: bool = False) -> torch.Tensor:
         """Heights at points, (…) float32 above the origin's; NaN outside and in the void.
 
+        They are those of the highest tops.
+
         Args:
-            points: (…, 2) float32 or float64 on the device, x and y from the origin.
+            points: (…, 2) float32 or float64 on the device, x and y from the origin; with `below`
+                (…, 3), x, y and z.
+            below: whether the highest top not above each point is wanted; NaN where there is none.
 
         Raises:
             RequestError: the points have another shape, type or device.
         """
         import torch
 
-        points = self._check_points(points)
+        points = self._check_points(points, below)
         if self.asks_terrain:
             height = self._terrain.height(*self._world(points))
             return torch.from_numpy(self._from_origin(height))
@@ -108,18 +112,20 @@ class TorchField:
         self._launch(points, height)
         return height
 
-    def sample(self, points: torch.Tensor) -> TorchSample:
+    def sample(self, points: torch.Tensor, *, below: bool = False) -> TorchSample:
         """Height, normal, surface and friction at points.
 
         Args:
-            points: (…, 2) float32 or float64 on the device, x and y from the origin.
+            points: (…, 2) float32 or float64 on the device, x and y from the origin; with `below`
+                (…, 3), x, y and z.
+            below: whether the highest top not above each point is wanted.
 
         Raises:
             RequestError: the points have another shape, type or device.
         """
         import torch
 
-        points = self._check_points(points)
+        points = self._check_points(points, below)
         if self.asks_terrain:
             at = self._terrain.sample(*self._world(points))
             friction = self._friction[at.surface + 1]
@@ -136,13 +142,14 @@ class TorchField:
         self._launch(points, *out)
         return out
 
-    def _check_points(self, points: torch.Tensor) -> torch.Tensor:
+    def _check_points(self, points: torch.Tensor, below: bool) -> torch.Tensor:
         import torch
 
-        if points.dtype not in (torch.float32, torch.float64) or points.shape[-1:] != (2,):
+        size, names = (3, "x, y and z") if below else (2, "x and y")
+        if points.dtype not in (torch.float32, torch.float64) or points.shape[-1:] != (size,):
             raise RequestError(
                 f"The points are {tuple(points.shape)} of {points.dtype}.",
-                "Give (…, 2) float32 or float64, x and y.",
+                f"Give (…, {size}) float32 or float64, {names}{', with `below`' * below}.",
             )
         if points.device != self.device:
             raise RequestError(
@@ -151,11 +158,12 @@ class TorchField:
             )
         return points.detach()
 
-    def _world(self, points: torch.Tensor) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """World coordinates x and y of points on a CPU, float64."""
-        x, y = np.moveaxis(points.numpy(), -1, 0)
-        west, south, _ = self.origin
-        return np.add(x, west, dtype=np.float64), np.add(y, south, dtype=np.float64)
+    def _world(self, points: torch.Tensor) -> list[NDArray[np.float64]]:
+        """World coordinates of points on a CPU, float64, each by itself."""
+        along = np.moveaxis(points.numpy(), -1, 0)
+        return [
+            np.add(x, zero, dtype=np.float64) for x, zero in zip(along, self.origin, strict=False)
+        ]
 
     def _from_origin(self, height: Any) -> NDArray[np.float32]:
         """Heights above the origin's height, float32."""
@@ -171,8 +179,10 @@ class TorchField:
         field = self.warp
         if not points.numel():
             return
-        pairs = wp.vec2d if points.dtype == torch.float64 else wp.vec2f
-        arrays = [wp.from_torch(points.reshape(-1, 2).contiguous(), dtype=pairs)]
+        double = points.dtype == torch.float64
+        kinds = {2: wp.vec2d if double else wp.vec2f, 3: wp.vec3d if double else wp.vec3f}
+        size = points.shape[-1]
+        arrays = [wp.from_torch(points.reshape(-1, size).contiguous(), dtype=kinds[size])]
         for tensor, width in zip(out, (1, 3, 1, 1), strict=False):
             flat = tensor.view(-1) if width == 1 else tensor.view(-1, width)
             arrays.append(wp.from_torch(flat, dtype=wp.vec3f if width == 3 else None))

@@ -131,11 +131,11 @@ class TerrainField(Protocol):
         """Surfaces by name."""
         ...
 
-    def height(self, x: ArrayLike, y: ArrayLike) -> Any:
+    def height(self, x: ArrayLike, y: ArrayLike, below: ArrayLike | None = None) -> Any:
         """Heights at points, float64 in their shape; NaN where there is none."""
         ...
 
-    def sample(self, x: ArrayLike, y: ArrayLike) -> PointSamples:
+    def sample(self, x: ArrayLike, y: ArrayLike, below: ArrayLike | None = None) -> PointSamples:
         """Height, element, surface and normal at points."""
         ...
 

@@ -24,6 +24,7 @@ from terratool.field.records import IN_CELLS, SAMPLES, FieldArrays, TrackArrays
 if TYPE_CHECKING:
     import warp as wp
 
+    from terratool.field.storeys import Storeys
     from terratool.field.types import TerrainField
 
 _LARGEST = 2**31 - 1
@@ -33,6 +34,8 @@ _EACH = 1024
 _ROOMS = (32, 256, 2048)
 """Numbers of grids that may wait in a descent; the kernel with the least that suffices is compiled.
 """
+_SHEETS = (0, 8, 64)
+"""Numbers of sheets of storeys; no more than a lattice has bits for, and chosen likewise."""
 
 
 class WarpSample(NamedTuple):
@@ -59,9 +62,12 @@ class WarpField:
         surfaces: names of the surfaces, in the order of their indices.
         origin: world position of the zero of points and heights.
         device: Warp device.
-        field: (1,) of the struct `terratool.field.warp_kernels.DeviceField`, for your own kernels.
+        field: array of the struct `terratool.field.warp_kernels.DeviceField`, for your own kernels:
+            one for the ground, and two for each sheet of storeys.
         ground_at: Warp function for your own kernels: `ground_at(field, x, y)`, world coordinates
-            in float64, returns a `terratool.field.warp_kernels.DeviceGround`.
+            in float64, returns a `terratool.field.warp_kernels.DeviceGround`, the highest.
+        ground_below: Warp function likewise: `ground_below(field, x, y, z)`, the highest that is
+            not above `z`.
     """
 
     device: wp.Device
@@ -88,47 +94,64 @@ class WarpField:
         from terratool.field.warp_kernels import DeviceField, compile_kernels
 
         self.surfaces, self.origin = terrain.surfaces, check_origin(origin)
-        arrays = terrain.written_out.arrays
-        room = next((room for room in _ROOMS if room >= arrays.pending), None)
+        terrain = terrain.written_out
+        storeys = terrain.storeys
+        sheets = () if storeys is None else storeys.sheets
+        plain = [terrain.arrays, *(f.arrays for sheet in sheets for f in (sheet.top, sheet.face))]
+        pending = max(arrays.pending for arrays in plain)
+        room = next((room for room in _ROOMS if room >= pending), None)
         if room is None:
             raise RequestError(
-                f"Up to {arrays.pending} elements with children lie near one point of the terrain, "
+                f"Up to {pending} elements with children lie near one point of the terrain, "
                 f"and the kernels of Warp have room for {_ROOMS[-1]}.",
                 "Ask terrain.height, or have fewer elements with children overlap.",
             )
+        count = next((count for count in _SHEETS if count >= len(sheets)), None)
+        if count is None:
+            raise RequestError(
+                f"Up to {len(sheets)} decks and bores overlap in plan, and the kernels of Warp "
+                f"have room for {_SHEETS[-1]}.",
+                "Ask terrain.height, or have fewer of them overlap.",
+            )
         friction = frictions_of(terrain, default_friction)
-        self._struct = _struct_of(arrays, self.origin, friction, self.device)
-        self.field = wp.array([self._struct], dtype=DeviceField, device=self.device)
-        self.ground_at, self._kernel = compile_kernels(room)
+        self._structs = [_struct_of(one, self.origin, friction, self.device) for one in plain]
+        if storeys is not None:
+            _add_storeys(_Maker(self.device), self._structs, storeys)
+        self.field = wp.array(self._structs, dtype=DeviceField, device=self.device)
+        self.ground_at, self.ground_below, self._kernel = compile_kernels(room, count)
 
-    def height(self, points: wp.array[Any]) -> wp.array[Any]:
+    def height(self, points: wp.array[Any], *, below: bool = False) -> wp.array[Any]:
         """Heights at points, (…) float32 above the origin's; NaN outside and in the void.
 
+        They are those of the highest tops.
+
         Args:
-            points: (…) vec2f or vec2d on the device, from the origin.
+            points: (…) vec2f or vec2d on the device, from the origin; with `below` vec3f or vec3d.
+            below: whether the highest top not above each point is wanted; NaN where there is none.
 
         Raises:
             RequestError: the points have another type or device.
         """
         import warp as wp
 
-        points = self._check_points(points)
+        points = self._check_points(points, below)
         height = wp.empty(points.shape, dtype=wp.float32, device=self.device)
         self.launch(points.flatten(), height.flatten())
         return height
 
-    def sample(self, points: wp.array[Any]) -> WarpSample:
+    def sample(self, points: wp.array[Any], *, below: bool = False) -> WarpSample:
         """Height, normal, surface and friction at points.
 
         Args:
-            points: (…) vec2f or vec2d on the device, from the origin.
+            points: (…) vec2f or vec2d on the device, from the origin; with `below` vec3f or vec3d.
+            below: whether the highest top not above each point is wanted.
 
         Raises:
             RequestError: the points have another type or device.
         """
         import warp as wp
 
-        points = self._check_points(points)
+        points = self._check_points(points, below)
         types = wp.float32, wp.vec3f, wp.int32, wp.float32
         out = WarpSample(*(wp.empty(points.shape, dtype=t, device=self.device) for t in types))
         self.launch(points.flatten(), *(array.flatten() for array in out))
@@ -147,7 +170,8 @@ class WarpField:
         """Write height, normal, surface and friction at points into given arrays.
 
         Args:
-            points: (n,) vec2f or vec2d on the device, from the origin; all arrays are contiguous.
+            points: (n,) vec2f or vec2d on the device, from the origin; vec3f or vec3d for the
+                highest tops not above them. All arrays are contiguous.
             height: (n,) float32.
             normal: (n,) vec3f; None to leave it out.
             surface: (n,) int32; None to leave it out.
@@ -157,24 +181,27 @@ class WarpField:
         import warp as wp
 
         each = 1 if self.device.is_cuda else _EACH
-        both = (None, points) if points.dtype == wp.vec2d else (points, None)
+        given = [points if points.dtype == kind else None for kind in _point_types(wp)]
         with _quiet(wp):
             wp.launch(
                 self._kernel,
                 dim=-(-points.size // each),
-                inputs=[self.field, each, *both],
+                inputs=[self.field, each, *given],
                 outputs=[height, normal, surface, friction],
                 device=None if stream else self.device,
                 stream=stream,
                 record_tape=False,
             )
 
-    def _check_points(self, points: wp.array[Any]) -> wp.array[Any]:
+    def _check_points(self, points: wp.array[Any], below: bool) -> wp.array[Any]:
         import warp as wp
 
-        if points.dtype not in (wp.vec2f, wp.vec2d):
+        known = _point_types(wp)[2:] if below else _point_types(wp)[:2]
+        if points.dtype not in known:
+            single, double = (kind.__name__ for kind in known)
             raise RequestError(
-                f"The points are an array of {points.dtype.__name__}.", "Give vec2f or vec2d."
+                f"The points are an array of {points.dtype.__name__}.",
+                f"Give {single} or {double}{' with `below`' * below}.",
             )
         if points.device != self.device:
             raise RequestError(
@@ -182,6 +209,11 @@ class WarpField:
                 "Bring the one to the other.",
             )
         return points if points.is_contiguous else points.contiguous()
+
+
+def _point_types(wp: Any) -> tuple[Any, ...]:
+    """Types of points: on the plane in float32 and float64, and in space."""
+    return wp.vec2f, wp.vec2d, wp.vec3f, wp.vec3d
 
 
 def require_package(module: str, package: str, extra: str) -> Any:
@@ -418,7 +450,7 @@ def _add_tracks(make: _Maker, field: Any, tracks: TrackArrays) -> None:
     field.segments = make.structs(
         DeviceSegment,
         segments,
-        "square reach_square track",
+        "square reach_square z end_z track",
         start=np.column_stack([segments["x"], segments["y"]]),
         end=np.column_stack([segments["end_x"], segments["end_y"]]),
         way=np.column_stack([segments["dx"], segments["dy"]]),
@@ -428,3 +460,22 @@ def _add_tracks(make: _Maker, field: Any, tracks: TrackArrays) -> None:
     field.track_masks = make.array(tracks.masks, wp.uint64)
     field.track_offsets = make.array(tracks.offsets, wp.int32)
     field.track_entries = make.array(tracks.entries, wp.int32)
+
+
+def _add_storeys(make: _Maker, fields: list[Any], storeys: Storeys) -> None:
+    """Add storeys to the fields of the ground, and of the tops and other faces of each sheet."""
+    import warp as wp
+
+    from terratool.field.warp_kernels import DeviceKind
+
+    ground, lattice = fields[0], storeys.lattice
+    ground.gaps = make.array(storeys.table.gaps, wp.float64)
+    ground.bores = make.array(np.array([sheet.is_bore for sheet in storeys.sheets]), wp.int32)
+    ground.lattice_frame = wp.vec4d(*lattice.frame)
+    ground.lattice = make.array(lattice.cells, wp.uint64)
+    for sheet, tops, faces in zip(storeys.sheets, fields[1::2], fields[2::2], strict=True):
+        tops.storeys = make.array(sheet.storeys, wp.int32)
+        faces.storeys = make.array(sheet.faced, wp.int32)
+        kinds = tops.kinds.numpy()
+        kinds["surface"][kinds["surface"] == sheet.bare] = -1
+        tops.kinds = make.array(kinds, DeviceKind)

@@ -177,6 +177,8 @@ class DeviceSegment:
     way: wp.vec2d
     square: wp.float64
     reach_square: wp.float64
+    z: wp.float64
+    end_z: wp.float64
     track: wp.int32
 
 
@@ -201,7 +203,12 @@ class DeviceRelief:
 
 @wp.struct
 class DeviceField:
-    """A compiled field on a device: `FieldArrays`, friction by surface, and the origin."""
+    """A compiled field on a device: `FieldArrays`, friction by surface, and the origin.
+
+    Fields of tops and of other faces have the storey of each element, -1 for none, in `storeys`.
+    The field of the ground has what columns need of all storeys and sheets: `gaps` by storey,
+    `bores` by sheet, and the lattice.
+    """
 
     bounds: wp.vec4d
     origin: wp.vec3d
@@ -235,6 +242,11 @@ class DeviceField:
     track_entries: wp.array(dtype=wp.int32)
     reliefs: wp.array(dtype=DeviceRelief)
     friction: wp.array(dtype=wp.float32)
+    storeys: wp.array(dtype=wp.int32)
+    gaps: wp.array(dtype=wp.float64)
+    bores: wp.array(dtype=wp.int32)
+    lattice_frame: wp.vec4d
+    lattice: wp.array2d(dtype=wp.uint64)
 
 
 @wp.struct
@@ -267,6 +279,27 @@ class DeviceGround:
     gradient: wp.vec2d
     surface: wp.int32
     friction: wp.float32
+
+
+@wp.struct
+class DeviceRut:
+    """The rut of the tracks at a point, as far as they were added.
+
+    Attributes:
+        last: the track added last; -1 for none.
+        deepest: the track with the deepest first pass; -1 for none.
+        surface_track: the last track that decides the surface; -1 for none.
+        first: depth of the deepest first pass.
+        passes: passes of all tracks.
+        is_void: whether the ground is void, where there is no rut.
+    """
+
+    last: wp.int32
+    deepest: wp.int32
+    surface_track: wp.int32
+    first: wp.float64
+    passes: wp.float64
+    is_void: wp.bool
 
 
 @wp.struct
@@ -1041,39 +1074,64 @@ def cell_near(field: wp.array(dtype=DeviceField), x: wp.float64, y: wp.float64):
 
 
 @wp.func
+def empty_rut():
+    """Return the rut of no track."""
+    return DeviceRut(-1, -1, -1, ZERO, ZERO, False)
+
+
+@wp.func
+def with_track(
+    field: wp.array(dtype=DeviceField), rut: DeviceRut, track: wp.int32, ground: wp.int32
+):
+    """Return a rut with one more track on ground of a surface."""
+    own = field[0].tracks[track]
+    depth = field[0].depths[own.law, ground + 1]
+    rut.last = track
+    rut.is_void = wp.isnan(depth)
+    rut.passes += own.passes
+    if rut.deepest < 0 or depth > rut.first:
+        rut.first = depth
+        rut.deepest = track
+    if own.surface >= 0:
+        rut.surface_track = track
+    return rut
+
+
+@wp.func
+def depth_of(field: wp.array(dtype=DeviceField), rut: DeviceRut):
+    """Return the depth of a rut after all passes."""
+    if rut.deepest >= 0 and rut.passes > ONE:
+        return rut.first * wp.pow(rut.passes, field[0].tracks[rut.deepest].power)
+    return rut.first
+
+
+@wp.func
+def with_relief(
+    field: wp.array(dtype=DeviceField), ground: DeviceGround, x: wp.float64, y: wp.float64
+):
+    """Return ground with the relief of its surface."""
+    if field[0].reliefs.shape[0] > 0:
+        z, slope_x, slope_y = relief_at(field[0].reliefs[ground.surface + 1], x, y)
+        ground.height += z
+        ground.gradient += wp.vec2d(slope_x, slope_y)
+    return ground
+
+
+@wp.func
 def rut_at(field: wp.array(dtype=DeviceField), x: wp.float64, y: wp.float64, ground: wp.int32):
     """Return the rut's depth at a point, and the track that decides the surface; -1 for none."""
     cell = cell_near(field, x, y)
     if cell < 0:
         return ZERO, -1
-    last = wp.int32(-1)
-    deepest = wp.int32(-1)
-    surface_track = wp.int32(-1)
-    first = wp.float64(0.0)
-    passes = wp.float64(0.0)
+    rut = empty_rut()
     for k in range(field[0].track_offsets[cell], field[0].track_offsets[cell + 1]):  # in order
         segment = field[0].segments[field[0].track_entries[k]]
-        track = segment.track
-        if track == last:
+        if segment.track == rut.last or not segment_holds(segment, x, y):
             continue
-        if not segment_holds(segment, x, y):
-            continue
-        last = track
-        own = field[0].tracks[track]
-        depth = field[0].depths[own.law, ground + 1]
-        if wp.isnan(depth):
+        rut = with_track(field, rut, segment.track, ground)
+        if rut.is_void:
             return ZERO, -1
-        passes += own.passes
-        if deepest < 0 or depth > first:
-            first = depth
-            deepest = track
-        if own.surface >= 0:
-            surface_track = track
-    if deepest < 0:
-        return ZERO, surface_track
-    if passes > ONE:
-        first = first * wp.pow(passes, field[0].tracks[deepest].power)
-    return first, surface_track
+    return depth_of(field, rut), rut.surface_track
 
 
 @wp.func
@@ -1092,13 +1150,41 @@ def settle(field: wp.array(dtype=DeviceField), found: ElementSum, x: wp.float64,
         ground.height -= depth
         if track >= 0:
             ground.surface = field[0].tracks[track].surface
-    if field[0].reliefs.shape[0] > 0:
-        z, slope_x, slope_y = relief_at(field[0].reliefs[ground.surface + 1], x, y)
-        ground.height += z
-        ground.gradient += wp.vec2d(slope_x, slope_y)
+    ground = with_relief(field, ground, x, y)
     if not wp.isnan(ground.height):
         ground.friction = field[0].friction[ground.surface + 1]
     return ground
+
+
+# Columns
+
+
+@wp.func
+def no_ground():
+    """Return what is where there is no ground."""
+    return DeviceGround(NAN, wp.vec2d(NAN, NAN), -1, wp.float32(NAN))
+
+
+@wp.func
+def sheets_near(field: wp.array(dtype=DeviceField), x: wp.float64, y: wp.float64):
+    """Return the bits of the sheets that may have a storey at a point."""
+    u = (x - field[0].lattice_frame[0]) * field[0].lattice_frame[2]
+    v = (y - field[0].lattice_frame[1]) * field[0].lattice_frame[3]
+    rows = field[0].lattice.shape[0]
+    columns = field[0].lattice.shape[1]
+    if u < ZERO or u >= wp.float64(columns) or v < ZERO or v >= wp.float64(rows):
+        return wp.uint64(0)
+    return field[0].lattice[wp.int32(v), wp.int32(u)]
+
+
+@wp.func
+def height_of_path(segment: DeviceSegment, x: wp.float64, y: wp.float64):
+    """Return the height of a path where a segment is nearest to a point; NaN if it has none."""
+    along = (x - segment.start[0]) * segment.way[0] + (y - segment.start[1]) * segment.way[1]
+    part = wp.float64(0.0)
+    if along > ZERO:
+        part = wp.min(along / segment.square, ONE)
+    return segment.z + part * (segment.end_z - segment.z)
 
 
 class DeviceFunctions(NamedTuple):
@@ -1106,16 +1192,23 @@ class DeviceFunctions(NamedTuple):
 
     Attributes:
         ground_at: the function `ground_at(field, x, y) -> DeviceGround`, for any kernel.
+        ground_below: the function `ground_below(field, x, y, z) -> DeviceGround`, likewise.
         sample: the kernel for batches.
     """
 
     ground_at: Any
+    ground_below: Any
     sample: Any
 
 
 @functools.cache
-def compile_kernels(room: int) -> DeviceFunctions:
-    """Compile the functions whose stack has room for `room` grids that wait in a descent."""
+def compile_kernels(room: int, sheets: int = 0) -> DeviceFunctions:
+    """Compile the functions for terrains up to a size.
+
+    Args:
+        room: number of grids that may wait in a descent.
+        sheets: number of sheets of storeys that a terrain may have; 0 for terrains without any.
+    """
     grids_type: Any = wp.types.vector(length=room, dtype=wp.int32)
     places_type: Any = wp.types.matrix(shape=(room, 2), dtype=wp.float64)
 
@@ -1166,12 +1259,31 @@ def compile_kernels(room: int) -> DeviceFunctions:
         return found
 
     @wp.func
+    def plain_standing_at(
+        field: wp.array(dtype=DeviceField), point: wp.vec2d, limited: wp.bool, z: wp.float64
+    ):
+        """Return the ground at a point of the world; if limited, only if it is not above `z`."""
+        if not is_inside(field, point[0], point[1]):
+            return no_ground()
+        found = descend(field, point)
+        ground = settle(field, found, point[0], point[1])
+        if limited and not ground.height <= z:
+            return no_ground()
+        return ground
+
+    standing_at = _storeyed(sheets, descend) if sheets else plain_standing_at
+
+    @wp.func
     def ground_at(field: wp.array(dtype=DeviceField), x: wp.float64, y: wp.float64):
-        """Return the ground at a point of the world."""
-        if is_inside(field, x, y):
-            found = descend(field, wp.vec2d(x, y))
-            return settle(field, found, x, y)
-        return DeviceGround(NAN, wp.vec2d(NAN, NAN), -1, wp.float32(NAN))
+        """Return the highest ground at a point of the world."""
+        return standing_at(field, wp.vec2d(x, y), False, ZERO)
+
+    @wp.func
+    def ground_below(
+        field: wp.array(dtype=DeviceField), x: wp.float64, y: wp.float64, z: wp.float64
+    ):
+        """Return the highest ground at a point of the world that is not above `z`."""
+        return standing_at(field, wp.vec2d(x, y), True, z)
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def sample(
@@ -1179,23 +1291,41 @@ def compile_kernels(room: int) -> DeviceFunctions:
         each: wp.int32,
         points: wp.array(dtype=wp.vec2f),
         exact: wp.array(dtype=wp.vec2d),
+        spots: wp.array(dtype=wp.vec3f),
+        exact_spots: wp.array(dtype=wp.vec3d),
         height: wp.array(dtype=wp.float32),
         normal: wp.array(dtype=wp.vec3f),
         surface: wp.array(dtype=wp.int32),
         friction: wp.array(dtype=wp.float32),
     ):
-        """Sample points in float32 or float64, `each` per thread, into the arrays given."""
+        """Sample points in float32 or float64, `each` per thread, into the arrays given.
+
+        Of points in space, spots, the highest tops not above them count.
+        """
         begin = wp.tid() * each
         for n in range(begin, wp.min(begin + each, height.shape[0])):
             x = wp.float64(0.0)
             y = wp.float64(0.0)
+            z = wp.float64(0.0)
             if exact:
                 x = exact[n][0]
                 y = exact[n][1]
-            else:
+            elif points:
                 x = wp.float64(points[n][0])
                 y = wp.float64(points[n][1])
-            ground = ground_at(field, x + field[0].origin[0], y + field[0].origin[1])
+            elif exact_spots:
+                x = exact_spots[n][0]
+                y = exact_spots[n][1]
+                z = exact_spots[n][2]
+            else:
+                x = wp.float64(spots[n][0])
+                y = wp.float64(spots[n][1])
+                z = wp.float64(spots[n][2])
+            point = wp.vec2d(x + field[0].origin[0], y + field[0].origin[1])
+            limited = wp.bool(False)
+            if spots or exact_spots:
+                limited = True
+            ground = standing_at(field, point, limited, z + field[0].origin[2])
             height[n] = wp.float32(ground.height - field[0].origin[2])
             if normal:
                 a = ZERO - ground.gradient[0]
@@ -1209,4 +1339,239 @@ def compile_kernels(room: int) -> DeviceFunctions:
             if friction:
                 friction[n] = ground.friction
 
-    return DeviceFunctions(ground_at, sample)
+    return DeviceFunctions(ground_at, ground_below, sample)
+
+
+def _storeyed(sheets: int, descend: Any) -> Any:
+    """Return the function `standing_at` for terrains with storeys, made of the descent.
+
+    A field of those is that of the ground, and after it, sheet by sheet, that of the tops and that
+    of the other faces. Descents have one place in the code, or compilers take minutes.
+    """
+    floats: Any = wp.types.vector(length=sheets + 1, dtype=wp.float64)
+    whole: Any = wp.types.vector(length=sheets + 1, dtype=wp.int32)
+
+    @wp.struct
+    class DeviceColumn:
+        """Faces at a point in the order in which they count, the ground's first.
+
+        Attributes:
+            faces: number of faces.
+            bore: whether each is of a bore, which takes what is above `low` and not above `high`;
+                else what is from `low` to `high` is solid.
+            low: lower ends.
+            high: upper ends.
+            surface: surfaces of the tops.
+            slope_x: slopes of the tops along x.
+            slope_y: slopes of the tops along y.
+            tops: number of tops of the column.
+            order: faces that have them, from below.
+            grounded: whether the lowest of them is solid all the way down.
+            bare: surface of the ground, void or not; -1 for none.
+        """
+
+        faces: wp.int32
+        bore: whole
+        low: floats
+        high: floats
+        surface: whole
+        slope_x: floats
+        slope_y: floats
+        tops: wp.int32
+        order: whole
+        grounded: wp.bool
+        bare: wp.int32
+
+    @wp.func
+    def top_of(column: DeviceColumn, k: wp.int32):
+        """Return the height of the top that a face may be."""
+        if column.bore[k] != 0:
+            return column.low[k]
+        return column.high[k]
+
+    @wp.func
+    def face_at(column: DeviceColumn, z: wp.float64):
+        """Return the face that is the top of a solid at a height; -1 where none ends there.
+
+        What is just below and just above is told apart; of equal ends the later counts.
+        """
+        solid = wp.bool(False)
+        over = wp.bool(False)
+        face = wp.int32(-1)
+        for k in range(column.faces):
+            low = column.low[k]
+            high = column.high[k]
+            from_below = low < z and z <= high
+            from_above = low <= z and z < high
+            if column.bore[k] != 0:
+                if from_above and low == z and over:
+                    face = k
+                solid = solid and not from_below
+                over = over and not from_above
+            else:
+                if from_below and high == z:
+                    face = k
+                solid = solid or from_below
+                over = over or from_above
+        if solid and not over:
+            return face
+        return -1
+
+    @wp.func
+    def column_at(field: wp.array(dtype=DeviceField), point: wp.vec2d):
+        """Return the column at a point inside the bounds."""
+        column = DeviceColumn()
+        near = sheets_near(field, point[0], point[1])
+        tops = ElementSum()
+        storey = wp.int32(-1)
+        for f in range(1 + 2 * field[0].bores.shape[0]):
+            sheet = (f - 1) >> 1
+            if f > 0 and (near >> wp.uint64(sheet)) & wp.uint64(1) == wp.uint64(0):
+                continue
+            has_faces = f > 0 and (f & 1) == 0
+            if has_faces and storey < 0:
+                continue
+            found = descend(field[f : f + 1], point)
+            if f > 0 and not has_faces:
+                tops = found
+                storey = wp.int32(-1)
+                if found.top >= 0:
+                    storey = field[f].storeys[found.top]
+                continue
+            k = column.faces
+            surface = wp.int32(-1)
+            is_void = wp.int32(0)
+            low = -wp.float64(wp.inf)
+            high = found.z
+            if has_faces:
+                if found.top < 0:
+                    continue
+                if field[f].storeys[found.top] != storey:
+                    continue
+                surface, is_void = worn_at(field[f - 1 : f], tops.top, tops.pixel)
+                column.bore[k] = field[0].bores[sheet]
+                gap = field[0].gaps[storey]
+                if wp.isnan(gap):
+                    gap = ZERO
+                if column.bore[k] != 0:
+                    high = found.z + gap
+                    if is_void == 0 and not wp.isnan(tops.z):
+                        low = tops.z
+                    elif not wp.isnan(high):
+                        column.grounded = False
+                else:
+                    low = found.z - gap
+                    high = tops.z
+                    if is_void != 0:
+                        high = NAN
+            else:
+                tops = found
+                if found.top >= 0:
+                    surface, is_void = worn_at(field, found.top, found.pixel)
+                column.bare = surface
+                if is_void != 0:
+                    high = NAN
+                column.grounded = not wp.isnan(high)
+            if high > low:
+                column.faces = k + 1
+                column.low[k] = low
+                column.high[k] = high
+                column.surface[k] = surface
+                column.slope_x[k] = tops.slope_x
+                column.slope_y[k] = tops.slope_y
+        for k in range(column.faces):
+            z = top_of(column, k)
+            if face_at(column, z) == k:
+                at = wp.int32(0)
+                for n in range(column.tops):
+                    at += wp.int32(top_of(column, column.order[n]) < z)
+                for n in range(column.tops - at):
+                    column.order[column.tops - n] = column.order[column.tops - n - 1]
+                column.order[at] = k
+                column.tops += 1
+        return column
+
+    @wp.func
+    def top_under(column: DeviceColumn, z: wp.float64):
+        """Return which of the tops a point of a path lies on; -1 for none."""
+        if wp.isnan(z):
+            if column.grounded and column.tops > 0:
+                return 0
+            return -1
+        nearest = wp.int32(-1)
+        least = wp.float64(0.0)
+        for k in range(column.tops):
+            away = wp.abs(top_of(column, column.order[k]) - z)
+            if nearest < 0 or away < least:
+                nearest = k
+                least = away
+        return nearest
+
+    @wp.func
+    def rut_on(
+        field: wp.array(dtype=DeviceField),
+        cell: wp.int32,
+        column: DeviceColumn,
+        top: wp.int32,
+        point: wp.vec2d,
+    ):
+        """Return the depth of the rut on a top, and the track that decides the surface."""
+        rut = empty_rut()
+        ground = column.surface[column.order[top]]
+        for k in range(field[0].track_offsets[cell], field[0].track_offsets[cell + 1]):
+            segment = field[0].segments[field[0].track_entries[k]]
+            if segment.track == rut.last or not segment_holds(segment, point[0], point[1]):
+                continue
+            if top_under(column, height_of_path(segment, point[0], point[1])) != top:
+                continue
+            rut = with_track(field, rut, segment.track, ground)
+            if rut.is_void:
+                return ZERO, -1
+        return depth_of(field, rut), rut.surface_track
+
+    @wp.func
+    def settled(
+        field: wp.array(dtype=DeviceField), column: DeviceColumn, top: wp.int32, point: wp.vec2d
+    ):
+        """Return a top as ground, with ruts and relief."""
+        k = column.order[top]
+        slope = wp.vec2d(column.slope_x[k], column.slope_y[k])
+        ground = DeviceGround(top_of(column, k), slope, column.surface[k], wp.float32(NAN))
+        if field[0].track_masks.shape[0] > 0:
+            cell = cell_near(field, point[0], point[1])
+            if cell >= 0:
+                depth, track = rut_on(field, cell, column, top, point)
+                ground.height -= depth
+                if track >= 0:
+                    ground.surface = field[0].tracks[track].surface
+        ground = with_relief(field, ground, point[0], point[1])
+        ground.friction = field[0].friction[ground.surface + 1]
+        return ground
+
+    @wp.func
+    def standing_at(
+        field: wp.array(dtype=DeviceField), point: wp.vec2d, limited: wp.bool, z: wp.float64
+    ):
+        """Return the highest top at a point of the world; if limited, of those not above `z`."""
+        found = no_ground()
+        if not is_inside(field, point[0], point[1]):
+            return found
+        column = column_at(field, point)
+        lower = wp.int32(0)
+        if not limited:
+            lower = column.tops
+            found.surface = column.bare
+        for step in range(column.tops + 1):  # ruts and relief may change the order of tops
+            top = step
+            last = step == column.tops
+            if last:
+                top = lower - 1
+            if top >= 0 and (limited or last):
+                ground = settled(field, column, top, point)
+                if last:
+                    found = ground
+                elif ground.height <= z:
+                    lower += 1
+        return found
+
+    return standing_at

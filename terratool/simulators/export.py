@@ -72,6 +72,11 @@ class ExportPlan:
     judge: Judge | None
     source: Path | None
 
+    @property
+    def has_storeys(self) -> bool:
+        """Whether the files of all targets have decks and bores."""
+        return all(target.storeys for target in self.targets.values())
+
     def write(
         self, terrain: Terrain, progress: Callable[[str], object] = lambda _: None
     ) -> tuple[SimulatorReport, ...]:
@@ -80,9 +85,9 @@ class ExportPlan:
         source = self.source
         stem = "terrain" if source is None else source.stem
         [name] = plain_names([stem], _fits_name, "terrain")
-        scene = Scene(terrain.written_out, name, self.options, progress, self.judge)
+        whole = Scene(terrain.written_out, name, self.options, progress, self.judge)
         for target in self.targets.values():
-            target.check(scene)
+            target.check(whole if target.storeys else _ground_of(whole))
         reports = []
         with (
             os_errors(self.folder),
@@ -90,8 +95,10 @@ class ExportPlan:
             crew_of(self.options.dask, processors()) as crew,
             _make_folder(self.folder),
         ):
-            scene = replace(scene, crew=crew)
+            whole = replace(whole, crew=crew)
+            ground = _ground_of(whole)
             for key, target in self.targets.items():
+                scene = whole if target.storeys else ground
                 with part_folder(self.folder) as part:
                     written = target.write(scene, part)
                     manifest = _manifest(scene, key, written, source)
@@ -101,6 +108,12 @@ class ExportPlan:
                     _put_in_place(part, self.folder / key)
                 reports.append(SimulatorReport(self.folder / key, manifest))
         return tuple(reports)
+
+
+def _ground_of(scene: Scene) -> Scene:
+    """The scene of the ground without its storeys."""
+    ground = scene.terrain.ground_alone
+    return scene if ground is scene.terrain else replace(scene, terrain=ground)
 
 
 def plan_export(
@@ -321,7 +334,7 @@ def _manifest(scene: Scene, key: str, written: WrittenFiles, source: Path | None
             one.name: ManifestSurface(
                 one.word, one.friction, one.derivation, one.color, one.reflectivity
             )
-            for one in scene.used_materials(written.meshed)
+            for one in _used_materials(scene, written.meshed)
         },
         losses=tuple(_losses(scene, written)),
         mesh=scene.loss if written.meshed else UNSET,
@@ -394,4 +407,21 @@ def _readme(scene: Scene, target: Target, written: WrittenFiles) -> str:
 
 def _frictions(scene: Scene, written: WrittenFiles) -> Sequence[Material]:
     """Return the materials whose friction is in the files."""
-    return scene.used_materials(written.meshed) if written.frictions is None else written.frictions
+    own = written.frictions
+    return _used_materials(scene, written.meshed) if own is None else own
+
+
+def _used_materials(scene: Scene, meshed: bool) -> list[Material]:
+    """Return the materials of a scene; where no mesh has them, those of its storeys, too."""
+    found, storeys = scene.used_materials(meshed), scene.terrain.storeys
+    if meshed or storeys is None:
+        return found
+    is_void = [surface.void is True for surface in scene.terrain.surface_types.values()]
+    worn = {
+        -1 if surface == sheet.bare else surface
+        for sheet in storeys.sheets
+        for surface in sheet.top.arrays.worn.tolist()
+        if surface == sheet.bare or (surface < len(is_void) and not is_void[surface])
+    }
+    names = {one.name for one in (*found, *map(scene.material, worn))}
+    return [one for one in scene.materials if one.name in names]

@@ -20,8 +20,11 @@ from terratool.report.numbers import metres
 from terratool.report.wording import count_of
 from terratool.simulators.cells import cell_grid
 from terratool.simulators.scene import Scene
+from terratool.simulators.storey_cells import SheetTops, middles_near, sheet_tops
 from terratool.simulators.targets import WrittenFiles
 from terratool.tasks import Work
+from terratool.traversability.layers import sheets_of
+from terratool.traversability.notes import headroom_note
 from terratool.traversability.verdicts import GroundClass
 
 MOST = 1024
@@ -45,6 +48,12 @@ _TRAVERSABILITY = (
     "cannot be driven on, get to or come back from, NaN for what is not known, judged in cells of "
     "{}, those of the map for Nav2. "
 )
+_CEILING = "ceiling, the bottom of what is over the elevation, in metres, NaN under the sky. "
+_STOREYS = (
+    f"{TOPIC} has the lowest tops: the ground, below decks too, and the ground over a bore. "
+    f"{TOPIC}/storey_1 and so on have the tops of decks and the floors of bores, NaN where they "
+    "have none; those in one map do not lie over each other."
+)
 _PLAY = (
     "The bag is MCAP; on Humble install ros-humble-rosbag2-storage-mcap. grid_map_msgs comes with "
     "ros-DISTRO-grid-map-msgs. RViz shows it with the display GridMap, the fixed frame being map."
@@ -59,34 +68,47 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
     """
     grid = _layer_grid(scene)
     scene.say("sampling cells")
-    layers, loss = _sample_layers(scene, grid)
+    sheets, loss = _sample_layers(scene, grid)
+    layers, topics = sheets[0], _topics(len(sheets))
     by, more, lacking = dict[str, Any](), "", ""
     verdict = scene.verdict
     if verdict is not None:
-        values = _traversability(verdict.at_middles(grid))
-        values[np.isnan(layers["elevation"])] = np.nan
-        layers["traversability"] = values
+        for one, judged in zip(sheets, (verdict, *verdict.storeys), strict=True):
+            values = _traversability(judged.at_middles(grid))
+            values[np.isnan(one["elevation"])] = np.nan
+            one["traversability"] = values
         by, lacking = {**verdict.facts}, verdict.lacking
         more = _TRAVERSABILITY.format(verdict.vehicle, metres(verdict.grid.resolution))
     x, y, _ = scene.zero
     west, south, east, north = grid.bounds
     middle = 0.5 * (west + east) - x, 0.5 * (south + north) - y
     scene.say("writing the bag")
-    write_grid_maps(folder / BAG, [GridMap(grid, middle, layers)])
+    maps = [GridMap(grid, middle, *one) for one in zip(sheets, topics, strict=True)]
+    write_grid_maps(folder / BAG, maps)
+    summary = f"{grid.width} × {grid.height} cells of {metres(grid.resolution)}, "
+    summary += count_of(len(layers), "layer")
+    if len(sheets) > 1:
+        summary += f"; {count_of(len(sheets) - 1, 'map')} of decks and bores"
+        more += _CEILING
+        if scene.judge is not None:
+            lacking = " ".join(
+                [lacking, *headroom_note(scene.terrain, scene.judge.vehicle)]
+            ).strip()
     return WrittenFiles(
-        summary=f"{grid.width} × {grid.height} cells of {metres(grid.resolution)}, "
-        f"{count_of(len(layers), 'layer')}",
+        summary=summary,
         load=(f"ros2 bag play --loop --delay 1 {BAG}", f"ros2 topic info --verbose {TOPIC}"),
         language="sh",
-        notes=(_NOTE.format(more), _PLAY),
+        notes=(_NOTE.format(more), *[_STOREYS] * (len(sheets) > 1), _PLAY),
         losses=(
             "A cell has what is at its middle, not a mean.",
             loss.sentence(grid.resolution, "cell"),
+            *["That is of the ground; decks and bores are not counted."] * (len(sheets) > 1),
             *filter(None, [lacking]),
         ),
         facts={
             "grid_map": {
                 "topic": TOPIC,
+                **({"topics_of_storeys": topics[1:]} if len(sheets) > 1 else {}),
                 "frame_id": "map",
                 "resolution": grid.resolution,
                 "size": [grid.width, grid.height],
@@ -109,7 +131,7 @@ def check(scene: Scene) -> None:
         RequestError: the cells are too many or too large, or do not go with the vehicle.
     """
     scene.cells()
-    grid, layers = _layer_grid(scene), len(_NAMES) + (scene.judge is not None)
+    grid, layers = _layer_grid(scene), len(_names_of(scene.terrain)) + (scene.judge is not None)
     size = 4 * layers * grid.width * grid.height
     if size > MOST_BYTES:
         raise RequestError(
@@ -123,12 +145,22 @@ def _layer_grid(scene: Scene) -> Grid:
     return cell_grid(scene.terrain, scene.options.resolution, MOST)
 
 
+def _names_of(terrain: Terrain) -> tuple[str, ...]:
+    """Names of the layers of a terrain, but for a vehicle's."""
+    return (*_NAMES, *["ceiling"] * (terrain.storeys is not None))
+
+
+def _topics(maps: int) -> list[str]:
+    """Topics of maps: that of the lowest tops, and one of each sheet of storeys."""
+    return [TOPIC, *(f"{TOPIC}/storey_{number}" for number in range(1, maps))]
+
+
 class _LayerWindow(NamedTuple):
     """Layers of a window.
 
     Attributes:
         window: window of the grid.
-        bands: (layers, height, width) float32 values at the middles of cells.
+        bands: (sheets, layers, height, width) float32 values at the middles of cells.
         lost: counts of what the cells lose.
     """
 
@@ -153,6 +185,7 @@ class LayerSampler:
         frictions: NDArray[np.float32], colors: NDArray[np.float32],
     ) -> None:  # fmt: skip
         self._given = terrain, grid, zero, frictions, colors
+        self._terrain, self._names = terrain, _names_of(terrain)
         self.finder = LossFinder(terrain, grid)
         labels = self.finder.for_walls
         self._painter = Painter(terrain, grid, np.float64, slopes=True, labels=labels)
@@ -169,32 +202,50 @@ class LayerSampler:
         planes = planes.part(*window.within(whole))
         assert planes.surfaces is not None
         assert planes.slope_x is not None and planes.slope_y is not None
-        steep = np.hypot(planes.slope_x, planes.slope_y)
+        tops = SheetTops.empty((sheets_of(self._terrain), *planes.heights.shape))
+        tops.top[0], tops.surface[0] = planes.heights, planes.surfaces
+        tops.slope_x[0], tops.slope_y[0] = planes.slope_x, planes.slope_y
+        if self._terrain.storeys is not None:
+            near, x, y = middles_near(self._terrain, self._given[1], window)
+            values: Any
+            for values, here in zip(tops, sheet_tops(self._terrain, x, y), strict=True):
+                values[:, near] = here
+        steep = np.hypot(tops.slope_x, tops.slope_y)
         up = 1.0 / np.hypot(steep, 1.0)
-        bands = np.empty((len(_NAMES), window.height, window.width), np.float32)
-        bands[0] = planes.heights - zero
-        bands[1], bands[2], bands[3] = 0.0 - planes.slope_x * up, 0.0 - planes.slope_y * up, up
-        bands[4] = np.arctan(steep)
-        bands[5] = frictions[planes.surfaces]
-        bands[6] = planes.surfaces.astype(np.float32) - 1.0
-        bands[7] = colors[planes.surfaces]
-        bands[:, np.isnan(planes.heights)] = np.nan
+        sheets, *shape = tops.top.shape
+        bands = np.empty((sheets, len(self._names), *shape), np.float32)
+        layers = bands.swapaxes(0, 1)
+        layers[0] = tops.top - zero
+        layers[1], layers[2], layers[3] = 0.0 - tops.slope_x * up, 0.0 - tops.slope_y * up, up
+        layers[4] = np.arctan(steep)
+        layers[5] = frictions[tops.surface]
+        layers[6] = tops.surface.astype(np.float32) - 1.0
+        layers[7] = colors[tops.surface]
+        layers[:, np.isnan(tops.top)] = np.nan
+        if self._terrain.storeys is not None:
+            layers[8] = tops.ceiling - zero
         return _LayerWindow(window, bands, lost)
 
 
-def _sample_layers(scene: Scene, grid: Grid) -> tuple[Layers, RasterLoss]:
-    """Return layers at cell middles by name, (height, width) from the north; and their loss."""
-    sampler = LayerSampler(scene.terrain, grid, scene.zero[2], *_surface_tables(scene))
+def _sample_layers(scene: Scene, grid: Grid) -> tuple[list[Layers], RasterLoss]:
+    """Return layers at cell middles by name, (height, width) from the north; and their loss.
+
+    Those of the ground are the first, and those of each sheet of storeys follow.
+    """
+    terrain = scene.terrain
+    sampler = LayerSampler(terrain, grid, scene.zero[2], *_surface_tables(scene))
     work = Work(LayerSampler.sample, sampler, name=window_name)
-    out = np.empty((len(_NAMES), grid.height, grid.width), np.float32)
+    names = _names_of(terrain)
+    out = np.empty((sheets_of(terrain), len(names), grid.height, grid.width), np.float32)
     lost = LossCounts()
     with contextlib.closing(scene.crew.run(work, grid.windows(TILE, TILE))) as found:
         for window, bands, more in found:
             rows = slice(window.row, window.row + window.height)
-            out[:, rows, window.column : window.column + window.width] = bands
+            out[:, :, rows, window.column : window.column + window.width] = bands
             lost += more
-    nodata = int(np.isnan(out[0]).sum())
-    return dict(zip(_NAMES, out, strict=True)), sampler.finder.statement(lost, nodata)
+    nodata = int(np.isnan(out[0, 0]).sum())
+    sheets = [dict(zip(names, layers, strict=True)) for layers in out]
+    return sheets, sampler.finder.statement(lost, nodata)
 
 
 def _surface_tables(scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

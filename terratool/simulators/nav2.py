@@ -11,16 +11,25 @@ p = 0.19608: unknown at a `free_thresh` of 0.196, but free at 0.25.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.raster.grid import Grid
+from terratool.report.markup import markdown_row
 from terratool.report.numbers import metres, never_quite
+from terratool.report.wording import count_of, decks_and_bores
 from terratool.simulators.obstacles import FREE, OCCUPIED, UNKNOWN, DrivingLimits, occupancy
 from terratool.simulators.scene import Scene
+from terratool.simulators.storey_cells import height_ranges
+from terratool.simulators.storey_obstacles import storey_occupancy
 from terratool.simulators.targets import WrittenFiles
+from terratool.traversability.judge import CellVerdict
+from terratool.traversability.map_files import storey_paths
+from terratool.traversability.notes import headroom_note
 from terratool.traversability.verdicts import GroundClass
 
 BRIGHTNESS = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
@@ -47,6 +56,12 @@ _VEHICLE_NOTE = (
     "come back from, and where it would stand over the edge. Unknown is what has no ground, or "
     "soil that is not known."
 )
+_STOREYS_NOTE = (
+    "map.yaml has the lowest tops: the ground, below decks too, and the ground over a bore. The "
+    "maps of storeys have the tops of decks and the floors of bores, in the same cells; where they "
+    "have none is unknown. Those in one map do not lie over each other. A ramp ends where it meets "
+    "the next floor, and the robot changes its map there: the service /map_server/load_map does so."
+)
 
 
 def check(scene: Scene) -> None:
@@ -59,7 +74,7 @@ def check(scene: Scene) -> None:
 
 
 def write(scene: Scene, folder: Path) -> WrittenFiles:
-    """Write map.yaml and map.pgm.
+    """Write map.yaml and map.pgm, and those of each sheet of storeys.
 
     Raises:
         RequestError: `check` refuses the cells.
@@ -70,7 +85,10 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
     if verdict is None:
         scene.say("looking for slopes and walls")
         driven = DrivingLimits.of(options.max_slope, options.max_step)
-        cells = occupancy(terrain, grid, driven, scene.crew)
+        if terrain.storeys is None:
+            maps = [occupancy(terrain, grid, driven, scene.crew)]
+        else:
+            maps = [*storey_occupancy(terrain, grid, driven, scene.crew)]
         by: dict[str, Any] = {"max_slope": options.max_slope, "max_step": options.max_step}
         limits = f"slopes of {options.max_slope:g}° and steps of {metres(options.max_step)}"
         notes = _LIMITS_NOTE.format(
@@ -78,39 +96,119 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
         )
         losses = _limits_losses(grid.resolution)
     else:
-        cells = np.where(verdict.drivable, np.int8(FREE), np.int8(OCCUPIED))
-        cells[verdict.classes == GroundClass.UNKNOWN] = UNKNOWN
+        maps = [_cells_of(one) for one in (verdict, *verdict.storeys)]
         by, limits = {**verdict.facts}, verdict.vehicle
         notes = _VEHICLE_NOTE.format(side=side, vehicle=verdict.vehicle)
         losses = _VEHICLE_LOSS, *filter(None, [verdict.lacking])
-    _write_pgm(folder / "map.pgm", cells)
     x, y, _ = scene.zero
     origin = [grid.west - x, grid.south - y, 0.0]
-    (folder / "map.yaml").write_text(_yaml(grid.resolution, origin), "utf-8", newline="\n")
-    shares = {name: float((cells == value).mean()) for value, name in _NAMES.items()}
-    said = ", ".join(f"{never_quite(share)} {name}" for name, share in shares.items())
+    for name, cells in zip(_names_of(len(maps)), maps, strict=True):
+        _write_pgm(folder / f"{name}.pgm", cells)
+        yaml = _yaml(name, grid.resolution, origin)
+        (folder / f"{name}.yaml").write_text(yaml, "utf-8", newline="\n")
+    shares = [_shares(cells) for cells in maps]
+    summary = f"{grid.width} × {grid.height} cells of {side} for {limits}: {_said(shares[0])}"
+    facts: dict[str, Any] = {
+        "map": {
+            "width": grid.width,
+            "height": grid.height,
+            "resolution": grid.resolution,
+            "origin": origin,
+            "shares": shares[0],
+            **by,
+        }
+    }
+    more: tuple[str, ...] = ()
+    if terrain.storeys is not None:
+        scene.say("taking the heights of decks and bores")
+        facts["storeys"] = _storey_facts(scene, grid, shares)
+        summary += f"; {count_of(len(maps) - 1, 'map')} of decks and bores"
+        more = _STOREYS_NOTE, _table(facts["storeys"])
+        losses = *losses, *_storey_losses(scene, grid.resolution)
     return WrittenFiles(
-        summary=f"{grid.width} × {grid.height} cells of {side} for {limits}: {said}",
+        summary=summary,
         load=(
             "ros2 run nav2_map_server map_server --ros-args -p yaml_filename:=map.yaml",
             "# in another terminal",
             "ros2 run nav2_util lifecycle_bringup map_server",
         ),
         language="sh",
-        notes=(notes, _UNKNOWN_NOTE),
+        notes=(notes, _UNKNOWN_NOTE, *more),
         losses=losses,
-        facts={
-            "map": {
-                "width": grid.width,
-                "height": grid.height,
-                "resolution": grid.resolution,
-                "origin": origin,
-                "shares": shares,
-                **by,
-            }
-        },
+        facts=facts,
         meshed=False,
         frictions=(),
+    )
+
+
+def _cells_of(verdict: CellVerdict) -> NDArray[np.int8]:
+    """Cells as a vehicle judges them."""
+    cells = np.where(verdict.drivable, np.int8(FREE), np.int8(OCCUPIED))
+    cells[verdict.classes == GroundClass.UNKNOWN] = UNKNOWN
+    return cells
+
+
+def _names_of(maps: int) -> list[str]:
+    """Names of maps without a suffix: that of the lowest tops, and one of each sheet."""
+    return [Path(name).stem for name in storey_paths("map.yaml", maps)]
+
+
+def _shares(cells: NDArray[np.int8]) -> dict[str, float]:
+    return {name: float((cells == value).mean()) for value, name in _NAMES.items()}
+
+
+def _said(shares: Mapping[str, float]) -> str:
+    return ", ".join(f"{never_quite(share)} {name}" for name, share in shares.items())
+
+
+def _storey_facts(
+    scene: Scene, grid: Grid, shares: Sequence[Mapping[str, float]]
+) -> list[dict[str, Any]]:
+    """Facts on the map of each sheet: its file, decks or bores, heights of cells, and shares."""
+    storeys = scene.terrain.storeys
+    assert storeys is not None
+    ranges = height_ranges(scene.terrain, grid, scene.crew)
+    zero = scene.zero[2]
+    return [
+        {
+            "file": f"{name}.yaml",
+            "bores" if sheet.is_bore else "decks": len(
+                np.unique(sheet.storeys[sheet.storeys >= 0])
+            ),
+            "heights": None if heights is None else [height - zero for height in heights],
+            "shares": own,
+        }
+        for name, sheet, heights, own in zip(
+            _names_of(len(shares))[1:], storeys.sheets, ranges, shares[1:], strict=True
+        )
+    ]
+
+
+def _table(storeys: Sequence[Mapping[str, Any]]) -> str:
+    """Markdown table of the maps of storeys."""
+    lines = ["| map | has | heights of tops | cells |", "|---|---|---|---|"]
+    for one in storeys:
+        counts = decks_and_bores(one.get("decks", 0), one.get("bores", 0))
+        heights = "none at a cell's middle"
+        if one["heights"] is not None:
+            low, high = one["heights"]
+            heights = f"{low:.3g} to {metres(high)}" if high > low else metres(low)
+        lines.append(markdown_row((one["file"], counts, heights, _said(one["shares"]))))
+    return "\n".join(lines)
+
+
+def _storey_losses(scene: Scene, resolution: float) -> Iterator[str]:
+    """Yield sentences on what maps of decks and bores lose."""
+    if scene.judge is not None:
+        yield from headroom_note(scene.terrain, scene.judge.vehicle)
+        return
+    yield (
+        "Headroom is not judged without a vehicle: what is below a deck is free, however low that "
+        'is. Name a --vehicle that has a "height".'
+    )
+    yield (
+        f"Decks and bores are looked at every {metres(0.5 * resolution)}; what is narrower may be "
+        "missed."
     )
 
 
@@ -140,9 +238,9 @@ def _write_pgm(path: Path, cells: NDArray[np.int8]) -> None:
         file.write(pixels.tobytes())
 
 
-def _yaml(resolution: float, origin: list[float]) -> str:
+def _yaml(name: str, resolution: float, origin: list[float]) -> str:
     return (
-        "image: map.pgm\n"
+        f"image: {name}.pgm\n"
         "mode: trinary\n"
         f"resolution: {json.dumps(resolution)}\n"
         f"origin: {json.dumps(origin)}\n"

@@ -108,6 +108,42 @@ def occupancy(
     return out
 
 
+def _hair_of(grid: Grid) -> float:
+    """Distance of nodes to the north-east of the lines between cells."""
+    far = float(np.abs(np.array([*grid.bounds])).max())
+    return max(_BESIDE * grid.resolution, 8.0 * float(np.spacing(far)))
+
+
+def node_grid(grid: Grid) -> Grid:
+    """Grid whose pixels have the nodes of cells in their middles, half a cell apart.
+
+    Cell (row, column) has the nodes of two rows from 2·row + 1 on, and two columns from 2·column
+    on. Nodes of one more row in the north and one more column in the east are beyond all cells.
+    """
+    half, hair = 0.5 * grid.resolution, _hair_of(grid)
+    return Grid(
+        grid.west + hair - 0.5 * half, grid.south + hair - 0.5 * half, half,
+        2 * grid.height + 1, 2 * grid.width + 1,
+    )  # fmt: skip
+
+
+def holes_in(
+    terrain: Terrain, grid: Grid, window: Window, near: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Which of some cells of a window, (height, width), have void or outside at corners or middles.
+
+    The middles of their sides count, too.
+    """
+    found = near.copy()
+    rows, columns = np.nonzero(near)
+    # a hair within the cell, as nodes on its border may be those of neighbours
+    within = (0.5 * grid.resolution - _hair_of(grid)) * np.array([-1.0, 0.0, 1.0])
+    x = grid.columns(window)[columns, None, None] + within[:, None]
+    y = grid.rows(window)[rows, None, None] + within
+    found[rows, columns] = np.isnan(terrain.height(x, y)).any(axis=(1, 2))
+    return found
+
+
 class ObstacleFinder:
     """Finder of obstacles in windows of cells; several threads may use one at a time.
 
@@ -120,13 +156,7 @@ class ObstacleFinder:
         terrain = terrain.written_out
         self._terrain, self._grid, self._limits = terrain, grid, limits
         self._least = max(0.5 * limits.step, _LEAST * grid.resolution)
-        half = 0.5 * grid.resolution
-        far = float(np.abs(np.array([*grid.bounds])).max())
-        self._hair = hair = max(_BESIDE * grid.resolution, 8.0 * float(np.spacing(far)))
-        self._nodes = Grid(
-            grid.west + hair - 0.5 * half, grid.south + hair - 0.5 * half, half,
-            2 * grid.height + 1, 2 * grid.width + 1,
-        )  # fmt: skip
+        self._hair, self._nodes = _hair_of(grid), node_grid(grid)
         self._painter = Painter(
             terrain, self._nodes, np.float64, surfaces=False, slopes=True, labels=True
         )
@@ -166,13 +196,7 @@ class ObstacleFinder:
         for row in range(3):
             for column in range(3):
                 near |= hole[row : row + 2 * window.height : 2, column:][:, : 2 * window.width : 2]
-        rows, columns = np.nonzero(near)
-        # a hair within the cell, as nodes on its border may be those of neighbours
-        within = (0.5 * self._grid.resolution - self._hair) * np.array([-1.0, 0.0, 1.0])
-        x = self._grid.columns(window)[columns, None, None] + within[:, None]
-        y = self._grid.rows(window)[rows, None, None] + within
-        near[rows, columns] = np.isnan(self._terrain.height(x, y)).any(axis=(1, 2))
-        return near
+        return holes_in(self._terrain, self._grid, window, near)
 
     def _walls(
         self, heights: NDArray[np.float64], labels: NDArray[np.uint32], x: Points, y: Points

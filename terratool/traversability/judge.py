@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -36,6 +36,8 @@ class CellVerdict:
             has a verdict.
         lacking: sentences on surfaces without a soil; empty where all have one.
         facts: the vehicle's file, the resolution and the cells by class, for a manifest.
+        storeys: the same of each sheet of storeys; where it has no top a cell is UNKNOWN. Empty
+            for a terrain without storeys.
     """
 
     vehicle: str
@@ -44,6 +46,7 @@ class CellVerdict:
     worst: NDArray[np.uint8]
     lacking: str
     facts: Mapping[str, Any]
+    storeys: tuple[CellVerdict, ...] = ()
 
     @property
     def drivable(self) -> NDArray[np.bool_]:
@@ -107,7 +110,7 @@ class Judge:
         self, terrain: Terrain, grid: Grid, progress: Callable[[str], object],
         crew: Crew | None = None,
     ) -> CellVerdict:  # fmt: skip
-        """Judge the cells of a grid at `HEADINGS` headings.
+        """Judge the cells of a grid at `HEADINGS` headings, those of the lowest tops first.
 
         Args:
             terrain: the ground, with all parts written out.
@@ -128,7 +131,7 @@ class Judge:
         terrain.refuse_degrees("A vehicle")
         vehicle, surveyor = self.vehicle, self.surveyor(terrain, grid)
         builder = MapBuilder(terrain, surveyor, False, turnings(terrain, vehicle))
-        total, done = grid.width * grid.height, 0
+        total, done = grid.width * grid.height * builder.stack.layers, 0
 
         def report(more: int) -> None:
             nonlocal done
@@ -138,8 +141,6 @@ class Judge:
         stream_map(surveyor, builder, None, crew or Threads(processors()), report)
         classes, _ = builder.classes(None, vehicle.area)
         classes[~builder.ground] = GroundClass.UNKNOWN
-        counts = np.bincount(classes.ravel(), minlength=len(GroundClass)).tolist()
-        by_class = dict(zip([one.label for one in GroundClass], counts, strict=True))
         missing = {
             name: missing_of(surface)
             for name, surface in terrain.surface_types.items()
@@ -149,8 +150,19 @@ class Judge:
         lacking = lacking_of(missing, bare)
         if lacking:
             lacking += " Nothing is known of that ground."
+        worst = builder.worst_classes(classes)
+        first, *storeys = (
+            self._of_sheet(grid, builder.of_sheet(classes, n), builder.of_sheet(worst, n), lacking)
+            for n in range(builder.stack.sheets)
+        )
+        return replace(first, storeys=tuple(storeys))
+
+    def _of_sheet(
+        self, grid: Grid, classes: NDArray[np.uint8], worst: NDArray[np.uint8], lacking: str
+    ) -> CellVerdict:
+        counts = np.bincount(classes.ravel(), minlength=len(GroundClass)).tolist()
+        by_class = dict(zip([one.label for one in GroundClass], counts, strict=True))
         facts = {
             "vehicle": dict(self.file), "judged_resolution": grid.resolution, "classes": by_class,
         }  # fmt: skip
-        worst = builder.worst_classes(classes)
-        return CellVerdict(vehicle.name, grid, classes, worst, lacking, facts)
+        return CellVerdict(self.vehicle.name, grid, classes, worst, lacking, facts)

@@ -258,10 +258,7 @@ class LayerPainter:
     ) -> tuple[ColumnRows, NDArray[np.int32], NDArray[np.bool_]]:
         """Columns at points, the sheet of each top, and whether tracks have pressed it."""
         terrain = self._terrain
-        rows = terrain.columns_at(x, y)
-        bare = terrain.columns_at(x, y, bare=True) if terrain.tracks else rows
-        sheets = sheet_of(self._sheets, bare.element)
-        sheets[np.arange(bare.top.shape[1]) >= bare.held[:, None]] = -1
+        rows, bare, sheets = sheeted_columns(terrain, x, y, self._sheets)
         pressed = np.ones(rows.top.shape, np.bool_)
         if terrain.tracks and not terrain.is_rough:
             pressed = rows.top != bare.top
@@ -294,6 +291,27 @@ def sheet_of(sheets: NDArray[np.int32], elements: NDArray[np.int64]) -> NDArray[
     """The sheets of tops by their elements, 0 for the ground."""
     of_storeys = elements >= FIRST_STOREY
     return np.where(of_storeys, sheets[np.where(of_storeys, elements - FIRST_STOREY, 0)], 0)
+
+
+def sheeted_columns(
+    terrain: Terrain,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    of_elements: NDArray[np.int32],
+) -> tuple[ColumnRows, ColumnRows, NDArray[np.int32]]:
+    """Columns at points, the same without ruts, and the sheet of each top; -1 for none.
+
+    Args:
+        terrain: terrain with storeys.
+        x: (n,) world positions.
+        y: (n,) world positions.
+        of_elements: what `sheet_of_elements` says of the terrain.
+    """
+    rows = terrain.columns_at(x, y)
+    bare = terrain.columns_at(x, y, bare=True) if terrain.tracks else rows
+    sheets = sheet_of(of_elements, bare.element)
+    sheets[np.arange(bare.top.shape[1]) >= bare.held[:, None]] = -1
+    return rows, bare, sheets
 
 
 def _ground_of(solids: Solids, shown: ShownGround) -> LayerGround:

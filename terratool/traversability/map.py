@@ -312,9 +312,11 @@ class MapBuilder:
         layers, own = self.stack.parts(plane), self.stack.parts(self.own)
         # where the ground has no top a floor or a deck that it is one with lies lowest
         found, known = layers[0].copy(), own[0] & self.stack.parts(self.ground)[0]
-        for layer, mine in zip(layers[1:], own[1:], strict=True):
-            here = mine & ~known
-            found[..., here], known = layer[..., here], known | here
+        sheets = self.stack.sheets
+        for number in range(1, 2 * sheets):
+            layer = number // 2 + number % 2 * sheets  # the tops apart of a sheet after the others
+            here = own[layer] & ~known
+            found[..., here], known = layers[layer][..., here], known | here
         return found
 
     def worst_classes(self, classes: NDArray[np.uint8]) -> NDArray[np.uint8]:

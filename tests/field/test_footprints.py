@@ -82,15 +82,59 @@ def test_what_is_said_of_them() -> None:
 
 @pytest.mark.parametrize("sample", sorted((ROOT / "samples").glob("*.json")), ids=lambda p: p.stem)
 def test_samples(sample: Path) -> None:
-    """The command writes one feature for each element of the ground, and each track."""
+    """The command writes one feature for each element, those of storeys too, and each track."""
     ran = call("info", sample, "--geojson")
-    assert ran.code == 0
+    assert (ran.code, ran.err) == (0, "")
     found = json.loads(ran.out)
     terrain = load(sample)
-    assert len(found["features"]) == terrain.elements + terrain.tracks
+    assert len(found["features"]) == terrain.all_elements + terrain.tracks
     for feature in found["features"]:
         if feature["geometry"]["type"] == "Polygon":
             (ring,) = feature["geometry"]["coordinates"]
             assert ring[0] == ring[-1] and len(ring) >= 4
             x, y = np.array(ring).T
             assert (x[:-1] * y[1:] - x[1:] * y[:-1]).sum() > 0  # anticlockwise
+
+
+def test_decks_and_bores_by_hand() -> None:
+    """A deck over sloping ground with a load in its middle, a bore that a deck stands in."""
+    tunnel = {
+        "at": [30, 13], "extent": [20, 6], "turnDeg": 90, "type": "box", "vScale": 1,
+        "bore": {"roof": "box", "vScale": 5, "datum": True},
+    }  # fmt: skip
+    inner = {
+        "at": [10, 3],
+        "extent": [4, 2],
+        "type": "box",
+        "vScale": 2,
+        "deck": {"thickness": 0.5},
+    }
+    shelf = {
+        "cellX": 0, "cellY": 1, "type": "box", "vScale": 3, "deck": {"thickness": 0.25},
+        "surface": "sand", "cells": [3, 1],
+        "children": [{"type": "disc", "cellX": 1, "cellY": 0, "vScale": 0.5}],
+    }  # fmt: skip
+    tree = {"type": "slope", "vScale": 8, "cells": [4, 3], "children": [shelf, tunnel]}
+    types = {**OBLONG["elemTypes"], "slope": {"x": [0, 1]}}  # type: ignore[dict-item]
+    terrain = terrain_of({**OBLONG, "elemTypes": types, "elemTree": tree})
+    tunnel_text = {**tunnel, "turnDeg": 0, "children": [inner]}
+    found = {one["properties"]["pointer"]: one for one in features(terrain)}
+    said = {pointer: one["properties"] for pointer, one in found.items()}
+    # the slope rises 8 over 40: it is 1 in the middle of the first cell, 5 m from the west
+    assert said["/elemTree/children/0"] == {
+        "pointer": "/elemTree/children/0", "type": "box", "surface": "sand",
+        "deck": "/elemTree/children/0", "top": 4.5, "underside": 3.75,
+    }  # fmt: skip
+    assert said["/elemTree/children/0/children/0"] == {
+        "pointer": "/elemTree/children/0/children/0", "type": "disc", "surface": "sand",
+        "deck": "/elemTree/children/0",
+    }  # fmt: skip
+    bore = said["/elemTree/children/1"]
+    assert (bore["surface"], bore["floor"], bore["ceiling"]) == (None, 1.0, 5.0)
+    ring = np.array(found["/elemTree/children/1"]["geometry"]["coordinates"][0])
+    # turned by a quarter about (27, 20) of the world
+    assert np.allclose([ring.min(axis=0), ring.max(axis=0)], [[24, 10], [30, 30]])
+    text = {**OBLONG, "elemTypes": types, "elemTree": {**tree, "children": [shelf, tunnel_text]}}
+    nested = [one["properties"] for one in features(terrain_of(text))]
+    (one,) = (p for p in nested if p["pointer"] == "/elemTree/children/1/children/0")
+    assert one["deck"] == one["pointer"] and (one["top"], one["underside"]) == (3.0, 2.5)

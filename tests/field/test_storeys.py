@@ -271,6 +271,9 @@ def test_the_highest_top_below_a_height(name: str) -> None:
             assert terrain.height(x, y, below=top) == top
             lower = tops[k - 1] if k else math.nan
             np.testing.assert_equal(terrain.height(x, y, below=math.nextafter(top, -9)), lower)
+        if tops:  # none of the ground that a deck has become one with
+            nothing = terrain.sample(x, y, below=math.nextafter(tops[0], -9))
+            assert (int(nothing.surface), int(nothing.element)) == (-1, -1)
         highest = tops[-1] if tops else math.nan
         np.testing.assert_equal(terrain.height(x, y), highest)
         np.testing.assert_equal(terrain.height(x, y, below=math.inf), highest)

@@ -11,6 +11,7 @@ import pytest
 from terratool.errors import RequestError
 from terratool.field import warp_field
 from tests.conftest import terrain_of
+from tests.storey_examples import DEFINITIONS
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 
@@ -85,6 +86,66 @@ def test_points_of_any_stride(field: Any) -> None:
 def test_no_points(field: Any) -> None:
     assert field.sample(torch.empty(0, 7, 2)).normal.shape == (0, 7, 3)
     assert field.height(torch.zeros(2)).shape == ()
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64], ids=str)
+@pytest.mark.parametrize("name", ["bridge", "tunnel", "rack", "car park"])
+@pytest.mark.parametrize(
+    "kernel", ["the terrain's own", pytest.param("that of Warp", marks=pytest.mark.slow)]
+)
+def test_decks_and_bores(kernel: str, name: str, dtype: Any) -> None:
+    """The highest tops, and those not above points in space, which count from the origin, too."""
+    terrain, origin = terrain_of(DEFINITIONS[name]), (8, 3, 0.5)
+    field = terrain.to_torch(origin=origin)
+    if "Warp" in kernel:
+        pytest.importorskip("warp", reason="warp-lang is not installed")
+        field.asks_terrain = False
+    spots = torch.from_numpy(np.random.default_rng(3).uniform((-9, -4, -1), (53, 18, 9), (900, 3)))
+    spots = spots.to(dtype).reshape(30, 30, 3)
+    x, y, z = np.moveaxis(spots.double().numpy() + origin, -1, 0)
+    seen = set()
+    for points, at in ((spots[..., :2], (x, y)), (spots, (x, y, z))):
+        below = len(at) == 3
+        wanted, found = terrain.sample(*at), field.sample(points, below=below)
+        heights = (wanted.height - origin[2]).astype(np.float32)
+        assert np.array_equal(found.height.numpy(), heights, equal_nan=True)
+        assert np.array_equal(field.height(points, below=below).numpy(), heights, equal_nan=True)
+        assert np.array_equal(found.surface.numpy(), wanted.surface)
+        normal = found.normal.numpy()
+        assert np.allclose(normal, wanted.normal, rtol=0, atol=2.0**-24, equal_nan=True)
+        seen.add(float(np.nansum(heights)))
+    assert len(seen) == 2  # what is over a point is not what it sees below it
+
+
+def test_a_scan_under_a_roof(field_of_car_park: Any) -> None:
+    """Of a robot 0.3 m high below the ramp, on it, below the upper floor and on it, by hand."""
+    spots = torch.tensor([(5, 10, 0.3), (5, 10, 1.8), (27, 5, 0.3), (27, 5, 3.3), (27, 5, -0.1)])
+    found = field_of_car_park.height(spots, below=True)
+    assert found.tolist()[:-1] == [0, 1.5, 0, 3] and math.isnan(found[-1])
+    assert field_of_car_park.height(spots[:, :2]).tolist() == [1.5, 1.5, 5.5, 5.5, 5.5]
+
+
+@pytest.fixture
+def field_of_car_park() -> Any:
+    return terrain_of(DEFINITIONS["car park"]).to_torch()
+
+
+def test_points_in_space_over_plain_ground(field: Any) -> None:
+    """What is above a point is not below it; heights were rounded, to a millionth or less."""
+    points = scan(torch.float64)
+    heights = field.height(points).double()
+    on = torch.cat([points, heights.nan_to_num(0)[..., None]], -1)
+    on[::2, ..., 2] -= 1e-6
+    on[1::2, ..., 2] += 1e-6
+    found = field.height(on, below=True).double()
+    assert torch.equal(found[1::2].nan_to_num(99), heights[1::2].nan_to_num(99))
+    assert found[::2].isnan().all()
+    assert (field.sample(on[::2], below=True).surface == -1).all()
+
+
+def test_flat_points_below_nothing_are_refused(field: Any) -> None:
+    with pytest.raises(RequestError, match=r"Give \(…, 3\) float32 or float64, x, y and z, with"):
+        field.sample(torch.zeros(4, 2), below=True)
 
 
 @pytest.mark.parametrize(

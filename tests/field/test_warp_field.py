@@ -27,6 +27,8 @@ from tests.budget import examples
 from tests.commands import ROOT
 from tests.conftest import terrain_of, text_of
 from tests.rasters import geotiff
+from tests.storey_examples import DEFINITIONS
+from tests.storey_trees import lattices, with_storeys
 from tests.strategies import SURFACES, definitions, landmarks, points, rims
 
 wp = pytest.importorskip("warp", reason="warp-lang is not installed")
@@ -71,25 +73,30 @@ OBLONG: dict[str, Any] = {
 }
 
 
-def on_device(terrain: Terrain, x: Any, y: Any, dtype: Any = np.float64, **more: Any) -> Any:
-    """Samples of the kernel at points, as arrays of NumPy."""
+def on_device(terrain: Terrain, *at: Any, dtype: Any = np.float64, **more: Any) -> Any:
+    """Samples of the kernel at points x, y or x, y, z, as arrays of NumPy."""
     field = terrain.to_warp("cpu", **more)
-    pairs = np.stack(np.broadcast_arrays(x, y), -1).astype(dtype)
-    kind = wp.vec2d if dtype == np.float64 else wp.vec2f
-    given = wp.array(pairs, dtype=kind, device="cpu")
-    found = field.sample(given)
-    assert np.array_equal(field.height(given).numpy(), found.height.numpy(), equal_nan=True)
+    below, double = len(at) == 3, dtype == np.float64
+    kinds = (wp.vec3d if double else wp.vec3f) if below else (wp.vec2d if double else wp.vec2f)
+    rows = np.stack(np.broadcast_arrays(*at), -1).astype(dtype)
+    given = wp.array(rows, dtype=kinds, device="cpu")
+    found = field.sample(given, below=below)
+    heights = field.height(given, below=below).numpy()
+    assert np.array_equal(heights, found.height.numpy(), equal_nan=True)
     return warp_field.WarpSample(*(each.numpy() for each in found))
 
 
-def assert_same(terrain: Terrain, x: Any, y: Any) -> None:
-    """The kernel gives what the terrain gives, at points in float64 and rounded to float32."""
+def assert_same(terrain: Terrain, *points: Any) -> None:
+    """The kernel gives what the terrain gives, at points in float64 and rounded to float32.
+
+    Points are x and y, or x, y and z for what is not above z.
+    """
     for dtype in (np.float64, np.float32):
-        at_x, at_y = (np.asarray(each, dtype).astype(np.float64) for each in (x, y))
-        wanted, found = terrain.sample(at_x, at_y), on_device(terrain, at_x, at_y, dtype)
+        at = [np.asarray(each, dtype).astype(np.float64) for each in points]
+        wanted, found = terrain.sample(*at), on_device(terrain, *at, dtype=dtype)
         heights = wanted.height.astype(np.float32)
         differ = ~((found.height == heights) | (np.isnan(found.height) & np.isnan(heights)))
-        assert not differ.any(), (at_x[differ][:3].tolist(), at_y[differ][:3].tolist())
+        assert not differ.any(), [each[differ][:3].tolist() for each in at]
         assert np.array_equal(found.surface, wanted.surface)
         assert np.allclose(found.normal, wanted.normal, rtol=0, atol=ULP, equal_nan=True)
 
@@ -110,16 +117,15 @@ class TestEquality:
 
     @pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.stem)
     def test_samples(self, path: Path) -> None:
-        """At random points, beyond the rim, too, and on and beside the corners of cells.
-
-        The kernel knows no storeys, and answers with the ground.
-        """
-        terrain = load(path).ground_alone
+        """At random points, beyond the rim, too, and on and beside the corners of cells."""
+        terrain = load(path)
         west, south, east, north = terrain.bounds
         rng = np.random.default_rng(7)
         x, y = rng.uniform(west - 1, east + 1, 4000), rng.uniform(south - 1, north + 1, 4000)
         x[:1000], y[500:1500] = np.round(x[:1000] * 4) / 4, np.round(y[500:1500] * 4) / 4
         assert_same(terrain, x, y)
+        ground, top = terrain.ground(x, y), terrain.height(x, y)
+        assert_same(terrain, x, y, rng.uniform(np.nanmin(ground) - 1, np.nanmax(top) + 1, len(x)))
         assert_same(terrain, *around_edges(terrain))
 
     @pytest.mark.nightly
@@ -283,7 +289,7 @@ class TestKnown:
         self, x: float, y: float, height: float, surface: str | None, dtype: Any
     ) -> None:
         terrain = terrain_of(OBLONG)
-        found = on_device(terrain, [x], [y], dtype)
+        found = on_device(terrain, [x], [y], dtype=dtype)
         assert np.array_equal(found.height, [height], equal_nan=True)
         name = None if found.surface[0] < 0 else terrain.surfaces[found.surface[0]]
         assert name == surface
@@ -296,7 +302,7 @@ class TestKnown:
         terrain = terrain_of(OBLONG)
         x = np.nextafter(10, [0, 99])
         assert on_device(terrain, x, [1, 1]).height.tolist() == [2, 0]
-        assert on_device(terrain, x, [1, 1], np.float32).height.tolist() == [0, 0]
+        assert on_device(terrain, x, [1, 1], dtype=np.float32).height.tolist() == [0, 0]
 
     def test_edges_between_two_doubles(self) -> None:
         """An edge that is as near to both stands at the even one; whole numbers end at 2^53."""
@@ -337,11 +343,138 @@ class TestKnown:
         """Float32 tells centimetres apart far from the world's zero if points count from nearby."""
         far = {**OBLONG, "origin": [412345.5, 5712345.25]}
         x, y = np.random.default_rng(5).uniform((0, 0), (40, 10), (500, 2)).astype(np.float32).T
-        found = on_device(terrain_of(far), x, y, np.float32, origin=(412345.5, 5712345.25, 1))
+        place = {"origin": (412345.5, 5712345.25, 1)}
+        found = on_device(terrain_of(far), x, y, dtype=np.float32, **place)
         near = terrain_of(OBLONG).sample(x, y)
         heights = (near.height - 1).astype(np.float32)
         assert np.array_equal(found.height, heights, equal_nan=True)
         assert np.array_equal(found.surface, near.surface)
+
+
+def spots_of(terrain: Terrain, x: Any, y: Any) -> tuple[Any, Any, Any]:
+    """Points in space at each top over some points of the plane, and just below it."""
+    tops = terrain.column(x, y).top
+    over = np.where(np.isnan(tops), 0.5, tops)
+    z = np.concatenate([over, np.nextafter(over, -np.inf)], axis=-1).ravel()
+    return *(np.repeat(each, 2 * tops.shape[1]) for each in (x, y)), z
+
+
+def piled(decks: int) -> Terrain:
+    """So many decks, one over the other."""
+    deck = {"type": "box", "cellX": 1, "cellY": 2, "deck": {"thickness": 0.1}}
+    children = [{**deck, "vScale": 1 + n} for n in range(decks)]
+    return terrain_of(
+        {**OBLONG, "elemTree": {"type": "flat", "cells": [4, 3], "children": children}}
+    )
+
+
+class TestStoreys:
+    """The kernel tells intervals apart by what is just below and just above each face."""
+
+    @pytest.mark.parametrize("name", DEFINITIONS)
+    def test_terrains_with_columns_by_hand(self, name: str) -> None:
+        """On a lattice, on edges and beyond, at heights on tops and one double below."""
+        terrain = terrain_of(DEFINITIONS[name])
+        west, south, east, north = terrain.bounds
+        x, y = np.meshgrid(np.arange(west - 1, east + 1.5, 0.5), np.linspace(south, north, 11))
+        x, y = x.ravel(), y.ravel()
+        assert_same(terrain, x, y)
+        assert_same(terrain, *spots_of(terrain, x, y))
+
+    def test_heights_by_hand(self) -> None:
+        """On the ramp and below it, beside it, under the roof, in the hole, outside."""
+        terrain = terrain_of(DEFINITIONS["car park"])
+        points = [
+            (5, 10, 9),
+            (5, 10, 1.4),
+            (10, 5, 9),
+            (27, 5, 4),
+            (27, 5, 2),
+            (21, 11, 3),
+            (-1, 5, 9),
+        ]
+        found = on_device(terrain, *np.transpose(points))
+        assert found.height.tolist()[:-1] == [1.5, 0, 3, 3, 0, 0]
+        assert np.isnan(found.height[-1])
+        slope = np.array([-0.3, 0, 1]) / math.hypot(0.3, 1)
+        assert np.allclose(found.normal[:3], [slope, [0, 0, 1], [0, 0, 1]], rtol=0, atol=ULP)
+
+    @pytest.mark.nightly
+    @settings(max_examples=EXAMPLES)
+    @given(lattices())
+    def test_where_faces_meet(self, definition: Any) -> None:
+        """Equal faces of decks and bores in decks and bores."""
+        terrain = terrain_of(definition)
+        west, south, east, north = terrain.bounds
+        x, y = np.meshgrid(np.arange(west, east + 0.2, 0.25), np.arange(south, north + 0.2, 0.25))
+        assert_same(terrain, x.ravel(), y.ravel())
+        assert_same(terrain, *spots_of(terrain, x.ravel()[::3], y.ravel()[::3]))
+
+    @pytest.mark.nightly
+    @settings(max_examples=EXAMPLES)
+    @given(st.data())
+    def test_random_storeys(self, data: st.DataObject) -> None:
+        """With tracks that lie on decks, rough surfaces, grids, classes, and turned elements."""
+        rutted = data.draw(st.booleans())
+        plain = definitions(rutted=rutted, free=True, gridded=True, classed=True)
+        definition = data.draw(with_storeys(plain))
+        paths = [[place[:2] for place in track["path"]] for track in definition.get("tracks", ())]
+        tracks = zip(definition.get("tracks", ()), paths, strict=True)
+        flat = {**definition, "tracks": [{**track, "path": path} for track, path in tracks]}
+        if not paths:
+            del flat["tracks"]
+        drawn = data.draw(st.lists(points(flat), min_size=4, max_size=12))
+        x, y = np.array(landmarks(flat)[:100] + rims(flat)[:30] + drawn).T
+        terrain = terrain_of(definition)
+        assert_same(terrain, x, y)
+        assert_same(terrain, *spots_of(terrain, x, y))
+
+    @pytest.mark.parametrize("z", [None, 0, 1.5, 1.75, 5])
+    def test_a_track_lies_on_the_top_nearest_to_its_height(self, z: float | None) -> None:
+        """Or on what is solid all the way down; the ground below a roof has one of its own."""
+        ends = [[25, 5], [30, 5]] if z is None else [[25, 5, z], [30, 5, z]]
+        track = {"path": ends, "width": 1, "depth": 0.125, "passes": 2, "multipass": 3}
+        rough = {"rms": 0.05, "correlation": 0.5}
+        surfaces = DEFINITIONS["car park"]["surfTypes"]
+        types = {"surfTypes": {name: {**one, "roughness": rough} for name, one in surfaces.items()}}
+        terrain = terrain_of({**DEFINITIONS["car park"], **types, "tracks": [track]})
+        x, y = np.random.default_rng(8).uniform((24, 3.5), (31, 6.5), (400, 2)).T
+        assert_same(terrain, x, y)
+        assert_same(terrain, *spots_of(terrain, x, y))
+
+    def test_more_sheets_than_there_is_room_for(self) -> None:
+        """It says so, and what else gives the heights."""
+        with pytest.raises(
+            RequestError, match=r"Up to 65 decks.*room for 64\. Ask terrain\.height"
+        ):
+            piled(65).to_warp("cpu")
+
+    @pytest.mark.slow
+    def test_as_many_sheets_as_there_is_room_for(self) -> None:
+        terrain = piled(64)
+        assert_same(terrain, *spots_of(terrain, np.array([9.5, 11, 30]), np.array([5.0, 8, 2])))
+
+    @pytest.mark.slow
+    def test_storeys_in_a_kernel_of_ones_own(self) -> None:
+        """What stands at world coordinates, and what stands there below a height."""
+        field = terrain_of(DEFINITIONS["car park"]).to_warp("cpu")
+        ground_at, ground_below = field.ground_at, field.ground_below
+
+        @wp.kernel(module="unique", module_options=kernels.OPTIONS)
+        def ask(
+            field: wp.array(dtype=kernels.DeviceField),
+            points: wp.array(dtype=wp.vec3d),
+            heights: wp.array2d(dtype=wp.float64),
+        ):  # type: ignore[no-untyped-def]
+            n = wp.tid()
+            at = points[n]
+            heights[0, n] = ground_at(field, at[0], at[1]).height
+            heights[1, n] = ground_below(field, at[0], at[1], at[2]).height
+
+        points = wp.array([(27.0, 5.0, 4.0), (5.0, 10.0, 1.0)], dtype=wp.vec3d, device="cpu")
+        heights = wp.empty((2, 2), dtype=wp.float64, device="cpu")
+        wp.launch(ask, dim=2, inputs=[field.field, points, heights], device="cpu")
+        assert heights.numpy().tolist() == [[5.5, 1.5], [3.0, 0.0]]
 
 
 class TestKernels:
@@ -371,10 +504,11 @@ class TestKernels:
         assert [each.numpy().tolist() for each in out] == [[0.25, 2.0], [0.1, 0.0]]
 
     @pytest.mark.nightly
-    def test_it_compiles_for_cuda(self, tmp_path: Path) -> None:
+    @pytest.mark.parametrize("sheets", warp_field._SHEETS)
+    def test_it_compiles_for_cuda(self, sheets: int, tmp_path: Path) -> None:
         """Without a GPU, by NVRTC; sums and products are rounded each by itself, as edges want."""
         wp.init()
-        kernel = kernels.compile_kernels(warp_field._ROOMS[0]).sample
+        kernel = kernels.compile_kernels(warp_field._ROOMS[0], sheets).sample
         wp.compile_aot_module(kernel.module, arch=86, module_dir=tmp_path, use_ptx=True)
         (code,) = (path.read_text("utf-8", "replace") for path in tmp_path.glob("*.ptx"))
         assert ".visible .entry" in code
@@ -406,8 +540,12 @@ class TestArrays:
 
     def test_other_types_are_refused(self) -> None:
         points = wp.zeros(4, dtype=wp.vec3f, device="cpu")
-        with pytest.raises(RequestError, match="vec2f or vec2d"):
-            terrain_of(OBLONG).to_warp("cpu").height(points)
+        field = terrain_of(OBLONG).to_warp("cpu")
+        with pytest.raises(RequestError, match=r"an array of vec3f\. Give vec2f or vec2d"):
+            field.height(points)
+        flat = wp.zeros(4, dtype=wp.vec2d, device="cpu")
+        with pytest.raises(RequestError, match="Give vec3f or vec3d with `below`"):
+            field.sample(flat, below=True)
 
     @pytest.mark.parametrize("origin", [(1, 2), 3, (0, math.nan, 0)])
     def test_wrong_origins(self, origin: Any) -> None:

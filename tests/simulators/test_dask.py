@@ -13,12 +13,15 @@ import pytest
 from terratool.cluster import local_cluster
 from terratool.errors import RequestError
 from terratool.raster.grid import Window, grid_over
+from terratool.simulators.cells import cell_grid
 from terratool.simulators.export import export_simulators
-from terratool.simulators.obstacles import DrivingLimits, ObstacleFinder
+from terratool.simulators.obstacles import OCCUPIED, DrivingLimits, ObstacleFinder
 from terratool.simulators.options import SceneOptions, refuse_idle
+from terratool.simulators.storey_obstacles import StoreyObstacleFinder
 from tests.clusters import arrived, files_in, kill_in_mid_task
 from tests.conftest import terrain_of
 from tests.mosaics import SITE
+from tests.simulators.test_storey_maps import YARD
 
 HUSKY = Path(__file__).parents[2] / "samples/vehicles/husky-a200.json"
 
@@ -62,6 +65,21 @@ def test_a_finder_that_arrives_is_as_good(shift: int) -> None:
     own, its = (one.find(window) for one in (finder, arrived(finder, shift)))
     assert all(map(np.array_equal, own[1:], its[1:]))
     assert own.window == its.window and own.steep.any() and len(own.walls) > 10
+
+
+@pytest.mark.parametrize("shift", [1, 16])
+def test_finders_of_decks_and_bores_that_arrive_are_as_good(shift: int) -> None:
+    """Aligned arrays stay in the message, read-only. But for the ramp the decks are level."""
+    _, *others = YARD["elemTree"]["children"]
+    terrain = terrain_of({**YARD, "elemTree": {**YARD["elemTree"], "children": others}})
+    grid = cell_grid(terrain, 0.1)
+    finder = StoreyObstacleFinder(terrain, grid, DrivingLimits.of(20.0, 0.1))
+    window = Window(40, 10, 28, 90)
+    own, its = (one.find(window) for one in (finder, arrived(finder, shift)))
+    assert own.window == its.window and len(own.sheets) == len(its.sheets) == 4
+    for one, other in zip(own.sheets, its.sheets, strict=True):
+        assert all(map(np.array_equal, one, other))
+    assert any((sheet.cells == OCCUPIED).any() for sheet in own.sheets[1:])
 
 
 def test_dask_is_about_cells() -> None:

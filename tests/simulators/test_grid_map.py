@@ -62,17 +62,16 @@ def yard() -> Terrain:
 
 
 class Bag:
-    """The one message of a bag."""
+    """The one message of a topic of a bag."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, topic: str = "/grid_map") -> None:
         with Reader(folder / "grid_map") as reader:
-            [connection] = reader.connections
-            assert (connection.topic, connection.msgtype) == (
-                "/grid_map", "grid_map_msgs/msg/GridMap",
-            )  # fmt: skip
+            self.topics = [one.topic for one in reader.connections]
+            [connection] = (one for one in reader.connections if one.topic == topic)
+            assert connection.msgtype == "grid_map_msgs/msg/GridMap"
             store = get_typestore(Stores.EMPTY)
             store.register(get_types_from_msg(connection.msgdef.data, connection.msgtype))
-            [(_, self.time, raw)] = reader.messages()
+            [(_, self.time, raw)] = reader.messages([connection])
             self.message: Any = store.deserialize_cdr(raw, connection.msgtype)
             [self.qos] = connection.ext.offered_qos_profiles
 
@@ -145,6 +144,7 @@ def test_cells_that_do_not_divide_the_terrain(tmp_path: Path, side: float) -> No
 def test_layers(tmp_path: Path) -> None:
     """What the definition says of four places, in all layers."""
     bag, manifest = exported(tmp_path, origin="world", friction=0.4)
+    assert bag.topics == ["/grid_map"]
     assert bag.names == LAYERS and list(bag.message.basic_layers) == ["elevation"]
     assert (bag.message.outer_start_index, bag.message.inner_start_index) == (0, 0)
     x, y = bag.positions()

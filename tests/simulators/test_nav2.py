@@ -94,9 +94,9 @@ class Map:
         return int(self.cells[row, column])
 
 
-def read(folder: Path) -> Map:
+def read(folder: Path, name: str = "map.yaml") -> Map:
     """As `loadMapYaml` and `loadMapFromFile` do, in the mode trinary."""
-    said = yaml.safe_load((folder / "map.yaml").read_text())
+    said = yaml.safe_load((folder / name).read_text())
     assert (said["mode"], said["negate"]) == ("trinary", 0)
     assert len(said["origin"]) == 3 and said["origin"][2] == 0
     magic, size, most, pixels = (folder / said["image"]).read_bytes().split(b"\n", 3)
