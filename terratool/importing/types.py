@@ -129,6 +129,11 @@ class SampledHeights:
         return self.values[first : first + count]
 
 
+def overhangs_of(source: HeightSource) -> Overhangs | None:
+    """Return what stands over the heights of a source; None where nothing does."""
+    return source.overhangs if isinstance(source, SampledHeights) else None
+
+
 class SampleRange(NamedTuple):
     """Range of some heights.
 
