@@ -456,14 +456,16 @@ class _WritingJob:
                 painter = PartPainter(grid, base, found.texts, transposed, options.pixels)
                 self._write_heights(writer, plan, Checker(painter, added, deviation, error))
                 rows = writer.count - len(found.texts)
-                decks = self.decks.texts
-                writer.write(*decks)
+                writer.write(*self.decks.texts)
                 root = root_of(grid.rows, grid.columns, base, options.pixels)
                 if options.ground is not None:
                     root["surface"] = options.ground.name
                 method = plan.method.sentence if rows else "structures"
                 origin = origin_of(source, options, method, error.largest)
-                writer.finish(summary.surface_types, root, summary.cover, options.pixels, origin, len(decks))
+                writer.finish(
+                    summary.surface_types, root, summary.cover, options.pixels, origin,
+                    self.decks.ignored,
+                )  # fmt: skip
             bound = error.largest + found.deviation
             if not bound <= options.allowed:
                 raise BoundError(f"an error of {bound:g} came about")

@@ -12,13 +12,15 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from terratool.definition.reader import check
 from terratool.importing.intervals import joined_labels
 from terratool.importing.overhangs import Overhangs
 from terratool.importing.structure.structures import shortest
 from terratool.importing.terrain.methods import HeightRounding, step_for
 from terratool.importing.terrain.request import ImportOptions
-from terratool.importing.terrain.writing import ElementText
+from terratool.importing.terrain.writing import FLAT, ElementText
 from terratool.importing.types import HeightSource, PixelGrid, overhangs_of
+from terratool.text.source import Source
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -43,6 +45,12 @@ _MOST_PLANES = 2000
 """Most planes that are tried, the largest first."""
 
 _SAME_AREA = 1 + 1e-9
+
+_TIE, _NUDGE = 1e-5, 1e-4
+"""Distance, in pixels, below which a side runs through centres, and how far it is moved then."""
+
+_IGNORED = ("TT220", "TT222")
+"""Warnings that are meant: planes that cross out of their deck, and decks that make one body."""
 
 _FINEST = 0.02
 """Least step of a thin grid, as a share of the error."""
@@ -120,6 +128,20 @@ class DeckPlan:
     rectangles: int = 0
     grids: int = 0
 
+    @property
+    def ignored(self) -> tuple[str, ...]:
+        """Codes of warnings that the decks draw, and that are meant."""
+        if not self.texts:
+            return ()
+        primitives = [text.primitive for text in self.texts if text.primitive]
+        text = b'{"size":%s,"elemTypes":{%s},"elemTree":{"type":"flat","children":[%s]}}' % (
+            msgspec.json.encode(self.grid.size),
+            b",".join([FLAT, *primitives]),
+            b",".join(text.element for text in self.texts),
+        )
+        counts = check(Source("decks", text)).counts
+        return tuple(code for code in _IGNORED if code in counts)
+
 
 def plan_decks(source: HeightSource, options: ImportOptions) -> DeckPlan:
     """Find the decks of a mesh: rectangles first, and grids for what they leave.
@@ -177,6 +199,7 @@ class _Search:
         self.v = (solid.pixel // self.columns).astype(np.float64)
         self.slopes = self._slopes()
         self.planes = self._planes()
+        self.coplanar = self._coplanar()
         self.tried: set[tuple[int, int]] = set()
 
     # --- rectangles ---
@@ -189,12 +212,14 @@ class _Search:
         """
         pieces = self._labels(rest)
         sizes = np.bincount(pieces, minlength=1)
-        planes = _groups(rest, self.planes[rest])
+        planes = [*_groups(rest, self.coplanar[rest]), *_groups(rest, self.planes[rest])]
         planes = [one for one in planes if (one[0], len(one)) not in self.tried]
         planes.sort(key=lambda one: (-len(one), int(one[0])))
         for group in planes[: _MOST_PLANES - len(self.tried)]:
             size = int(sizes[pieces[np.searchsorted(rest, group[0])]])
             if len(group) < min(_FEW, max(1, size // _PART)):
+                continue
+            if (group[0], len(group)) in self.tried:
                 continue
             self.tried.add((group[0], len(group)))
             found = self._rectangle(group)
@@ -232,6 +257,31 @@ class _Search:
             alike &= (np.abs(here - there) <= near).all(axis=1)
         return joined_labels(len(solid), one[alike], other[alike])
 
+    def _coplanar(self) -> Ints:
+        """Label intervals of a body between the same two planes alike, (k,), even with gaps."""
+        solid, body = self.overhangs.solid, self.overhangs.body
+        count = self.overhangs.bodies
+        near = _ALIKE * self.error
+        which = np.flatnonzero(body >= 0)
+        sizes = np.maximum(np.bincount(body[which], minlength=count), 1)
+        middle_u, middle_v = (
+            (np.bincount(body[which], at[which], count) / sizes)[body[which]]
+            for at in (self.u, self.v)
+        )
+        keys = [body[which], self.slopes[which]]
+        first = np.unique(self.planes[which], return_index=True, return_inverse=True)
+        for at, heights in ((0, solid.top), (2, solid.bottom)):
+            slope = self.slopes[which, at : at + 2]
+            rise = (middle_u - self.u[which]) * slope[:, 0] + (middle_v - self.v[which]) * slope[:, 1]
+            keys.append(heights[which] + rise)
+        # of each plane its first interval decides
+        told = np.column_stack(keys)[first[1]]
+        told[:, 1:] = np.rint(told[:, 1:] / near)
+        _, same = np.unique(told, axis=0, return_inverse=True)
+        label = np.arange(len(solid))
+        label[which] = len(solid) + same.ravel()[first[2]]
+        return label
+
     def _rectangle(self, group: Ints) -> _Faces | None:
         """Rectangle that holds intervals between two planes, or None."""
         u, v = self.u[group], self.v[group]
@@ -246,10 +296,12 @@ class _Search:
                 return None
             found.append((base, *slope.tolist()))
         for place in self._outlines(group):
-            place = self._fitted(place)
+            place = self._untied(self._fitted(place), group)
+            if not min(place.width, place.depth) > 0.0:
+                continue
             faces = _Faces(place, *(self._plane(place, one) for one in found))
             row, column = place.pixels(self.rows, self.columns)
-            if not len(row) or not self._is_solid(faces, row, column):
+            if len(group) < min(_FEW, 0.5 * len(row)) or not self._is_solid(faces, row, column):
                 continue
             held = self._holds(place, u, v)
             if np.count_nonzero(held) < 0.5 * len(group) or not self._is_near(faces, group[held]):
@@ -264,6 +316,24 @@ class _Search:
         west, east = max(place.u - place.width / 2, -0.5), place.u + place.width / 2
         south, north = max(place.v - place.depth / 2, -0.5), place.v + place.depth / 2
         east, north = min(east, self.columns - 0.5), min(north, self.rows - 0.5)
+        return Rectangle((west + east) / 2, (south + north) / 2, east - west, north - south)
+
+    def _untied(self, place: Rectangle, group: Ints) -> Rectangle:
+        """Return a rectangle whose sides do not run through centres of pixels, which may be in it.
+
+        Rounding would decide there, otherwise in the terrain than in the mesh.
+        """
+        if place.turn:
+            return place
+        sides = []
+        for middle, length, at in ((place.u, place.width, self.u), (place.v, place.depth, self.v)):
+            for sign in (-1.0, 1.0):
+                side = middle + sign * length / 2
+                if abs(side - round(side)) < _TIE:
+                    inside = bool((at[group] == round(side)).any())
+                    side = round(side) + (sign if inside else -sign) * _NUDGE
+                sides.append(side)
+        west, east, south, north = sides
         return Rectangle((west + east) / 2, (south + north) / 2, east - west, north - south)
 
     def _plane(self, place: Rectangle, known: tuple[float, float, float]) -> Plane:
@@ -527,7 +597,8 @@ class _DeckWriter:
         self, name: str, heights: Floats, at: tuple[Ints, Ints], step: float, new: list[bytes]
     ) -> dict[str, Any]:
         """Members of an element of a new grid of some heights, null elsewhere."""
-        rounding = HeightRounding.above(float(heights.min()), step)
+        # numbers from 1 on, as a grid of zeros is a warning
+        rounding = HeightRounding.above(float(heights.min()) - step, step)
         rows, columns = at
         numbers = np.full((int(rows.max()) + 1, int(columns.max()) + 1), None, object)
         steps = np.rint((heights - rounding.base) / step).astype(np.int64)

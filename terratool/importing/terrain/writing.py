@@ -144,7 +144,7 @@ class Writer:
         cover: TextSpool,
         pixels: bool = False,
         origin: dict[str, Any] | None = None,
-        decks: int = 0,
+        ignored: tuple[str, ...] = (),
     ) -> None:
         """Write the surfaces and the tree: the root, its elements, and those that cover them.
 
@@ -154,7 +154,7 @@ class Writer:
             cover: elements in a grid of pixels, which decide the surface.
             pixels: whether the root's grid is one of pixels, too.
             origin: value of `x-source`; None leaves it out.
-            decks: number of elements that are decks.
+            ignored: codes of further warnings that are meant.
         """
         sink = self._sink
         sink.write(b"\n },\n")
@@ -163,7 +163,7 @@ class Writer:
         warned = {
             "TT208": self._elements.count + bool(cover.count) > 1,
             "TT210": bool(cover.count) or not root["vScale"],
-            "TT222": decks > 1,
+            **dict.fromkeys(ignored, True),
             "TT306": self.beyond,
         }
         if origin is not None:
