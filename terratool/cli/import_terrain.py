@@ -228,7 +228,9 @@ class ImportDocument(Document, frozen=True, kw_only=True):
 
 
 def _document(report: ImportReport, output: str) -> ImportDocument:
-    grid, error = report.grid, report.error
+    grid, error, decks = report.grid, report.error, None
+    if report.decks is not None:
+        decks = convert(report.decks, DeckDocument, from_attributes=True)
     return ImportDocument(
         file=output,
         bytes=report.size,
@@ -255,7 +257,7 @@ def _document(report: ImportReport, output: str) -> ImportDocument:
         filled=report.options.fill,
         structures=report.structures,
         walls=report.walls,
-        decks=None if report.decks is None else convert(report.decks, DeckDocument, from_attributes=True),
+        decks=decks,
         surfaces=report.surfaces,
         notes=tuple(report.notes),
     )

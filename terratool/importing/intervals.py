@@ -2,13 +2,14 @@
 
 A ray straight down through the centre of a pixel meets faces in order. Of a closed body those that
 face up begin what is solid, and those that face down end it: the winding number counts bodies that
-contain each other or cross. An open sheet, as the surface of a terrain, has no end, so what is below
-it is solid all the way down.
+contain each other or cross. An open sheet, as the surface of a terrain, has no end, so what is
+below it is solid all the way down.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -111,31 +112,29 @@ def mesh_columns(points: Floats, faces: NDArray[np.int32], asked: Mask, near: fl
     up = -hits.up if hits.up[begins].sum() < 0 else hits.up
     winding = _running(up, begins, group)
     last = winding[ends - 1]
-    clean = (np.minimum.reduceat(winding, begins) >= 0) & (last <= 1)
-    sheets = (np.minimum.reduceat(winding, begins) >= 0) & (last > 1)
+    outward = np.minimum.reduceat(winding, begins) >= 0
+    clean, sheets = outward & (last <= 1), outward & (last > 1)
     # what faces the wrong way is counted in turn, if it ends as the other columns do
     odd = (ends - begins) % 2 == 1
     endless = 2 * np.count_nonzero(last[clean] == 1) >= np.count_nonzero(clean)
-    wrong = ~clean & ~sheets
-    turned = wrong & (odd == endless)
-    unclear = (wrong & ~turned) | sheets
+    turned = ~outward & (odd == endless)
+    doubtful = ~outward & (odd != endless)
+    unclear = doubtful | sheets
     rank = np.arange(len(first)) - begins[group]
     inside = np.where(turned[group], rank % 2 == 0, winding > 0)
     inside |= unclear[group]
     before = np.concatenate([[False], inside[:-1]]) & ~first
     starts = np.flatnonzero(inside & ~before)
     stops = np.flatnonzero(~inside & before)
+    stop = np.append(stops, len(first))[np.searchsorted(stops, starts, side="right")]
     # what is solid at the last face of a column has no end
-    open_ = np.flatnonzero(inside[ends - 1])
-    stop_of = np.searchsorted(stops, starts, side="right")
-    stop = np.append(stops, len(first))[stop_of]
-    same = stop < ends[group[starts]]
-    under = np.where(same, hits.face[np.minimum(stop, len(first) - 1)], -1)
-    bottom = np.where(same, hits.z[np.minimum(stop, len(first) - 1)], -np.inf)
-    assert np.count_nonzero(~same) == len(open_)
+    ended = stop < ends[group[starts]]
+    stop = np.minimum(stop, len(first) - 1)
+    under = np.where(ended, hits.face[stop], -1)
+    bottom = np.where(ended, hits.z[stop], -np.inf)
     found = Intervals(hits.pixel[starts], bottom, hits.z[starts], under, hits.face[starts])
     found = _joined(found, near)
-    turns, doubts, lays = (np.count_nonzero(one) for one in (turned, wrong & ~turned, sheets))
+    turns, doubts, lays = (int(one.sum()) for one in (turned, doubtful, sheets))
     return MeshColumns(found, turns, doubts, lays)
 
 
@@ -179,7 +178,6 @@ def _cast(points: Floats, faces: NDArray[np.int32], asked: Mask) -> _Hits:
     """
     rows, columns = asked.shape
     flat = asked.ravel()
-    # rows and columns that are asked for at all, for faces elsewhere
     corners = points[:, 1][faces]
     first = np.maximum(np.ceil(corners.min(axis=1)), 0.0)
     last = np.minimum(np.ceil(corners.max(axis=1)) - 1.0, rows - 1.0)
@@ -192,7 +190,8 @@ def _cast(points: Floats, faces: NDArray[np.int32], asked: Mask) -> _Hits:
         pieces.extend(_cast_some(points, faces, chosen[part], first[chosen[part]], counts[part],
                                  flat, columns))  # fmt: skip
     if not pieces:
-        return _Hits(*(np.empty(0, kind) for kind in (np.int64, np.float64, np.int64, np.int64)))
+        none = np.empty(0, np.int64)
+        return _Hits(none, np.empty(0), none, none)
     pixel, z, face, up = (np.concatenate(one) for one in zip(*pieces, strict=True))
     order = np.lexsort((-up, -z, pixel))  # of equal heights what begins comes first
     return _Hits(pixel[order], z[order], face[order], up[order])
@@ -201,9 +200,9 @@ def _cast(points: Floats, faces: NDArray[np.int32], asked: Mask) -> _Hits:
 def _parts(counts: Ints) -> list[slice]:
     """Slices of things that come to about a piece each."""
     total = np.cumsum(counts)
-    cuts = np.searchsorted(total, np.arange(_PIECE, int(total[-1]) + 1 if len(total) else 0, _PIECE))
-    edges = np.unique([0, *(cuts + 1).tolist(), len(counts)])
-    return [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    marks = np.arange(_PIECE, int(total[-1]) + 1 if len(total) else 0, _PIECE)
+    edges = {0, *(np.searchsorted(total, marks) + 1).tolist(), len(counts)}
+    return [slice(a, b) for a, b in pairwise(sorted(edges))]
 
 
 def _cast_some(
@@ -266,7 +265,7 @@ def _cut(a: Floats, b: Floats, v: Floats) -> Floats:
         return np.stack([_between(a[:, 0], b[:, 0], t), _between(a[:, 2], b[:, 2], t)], axis=1)
 
 
-# --- joining ---------------------------------------------------------------------------------------
+# --- joining --------------------------------------------------------------------------------------
 
 
 class Neighbours(NamedTuple):

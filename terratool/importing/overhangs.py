@@ -110,12 +110,12 @@ def find_overhangs(
     if not (body >= 0).any():
         return FoundOverhangs(None, highest, notes)
     kept = (body[pairs.one] >= 0) & (body[pairs.other] >= 0)
-    found_ = Overhangs(points, faces, solid, body, pairs.some(kept))
-    return FoundOverhangs(found_, heights.reshape(highest.shape), notes)
+    overhangs = Overhangs(points, faces, solid, body, pairs.some(kept))
+    return FoundOverhangs(overhangs, heights.reshape(highest.shape), notes)
 
 
 def _with_plain(stacked: Intervals, highest: Floats) -> Intervals:
-    """Return intervals with those of all other pixels, which are solid below the highest surface."""
+    """Return intervals with those of all other pixels, solid below the highest surface."""
     flat = highest.ravel()
     plain = ~np.isnan(flat)
     plain[stacked.pixel] = False
@@ -143,7 +143,7 @@ def _ground_of(solid: Intervals, pairs: Neighbours) -> Mask:
     below = first[np.searchsorted(solid.pixel[first], solid.pixel[upper])]
     least = np.full(len(solid), np.inf)
     np.minimum.at(least, label[upper], solid.top[below])
-    return lowest & (endless | (solid.bottom < least[label]))
+    return np.asarray(lowest & (endless | (solid.bottom < least[label])))
 
 
 def _bodies(solid: Intervals, pairs: Neighbours, over: Mask) -> tuple[Ints, Ints]:

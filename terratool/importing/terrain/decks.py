@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import dataclass
 
 import msgspec
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from terratool.definition.reader import check
 from terratool.importing.intervals import joined_labels
 from terratool.importing.overhangs import Overhangs
 from terratool.importing.structure.structures import shortest
-from terratool.importing.terrain.methods import HeightRounding, step_for
+from terratool.importing.terrain.deck_texts import (
+    ALIKE,
+    PRECISION,
+    DeckFaces,
+    DeckPiece,
+    DeckWriter,
+)
+from terratool.importing.terrain.rectangles import Plane, Rectangle, around
 from terratool.importing.terrain.request import ImportOptions
 from terratool.importing.terrain.writing import FLAT, ElementText
 from terratool.importing.types import HeightSource, PixelGrid, overhangs_of
@@ -29,85 +34,17 @@ Mask = NDArray[np.bool_]
 _WITHIN = 0.99
 """Share of the error that planes may take; the rest is for rounding."""
 
-_PRECISION = 1e-3
-"""Largest error of rounded heights of planes, as a share of the error."""
-
-_PLACE = 1e-6
-"""Largest error of rounded places, in pixels."""
-
-_ALIKE = 0.25
-"""Share of the error by which neighbouring pixels may leave a plane, and still be of it."""
-
 _FEW, _PART = 64, 8
 """Pixels of a plane from which on it is looked at, unless it is at least this part of its body."""
 
 _MOST_PLANES = 2000
 """Most planes that are tried, the largest first."""
 
-_SAME_AREA = 1 + 1e-9
-
 _TIE, _NUDGE = 1e-5, 1e-4
 """Distance, in pixels, below which a side runs through centres, and how far it is moved then."""
 
 _IGNORED = ("TT220", "TT222")
 """Warnings that are meant: planes that cross out of their deck, and decks that make one body."""
-
-_FINEST = 0.02
-"""Least step of a thin grid, as a share of the error."""
-
-
-class Plane(NamedTuple):
-    """Heights at a corner of a rectangle, and how much they rise along its sides."""
-
-    corner: float
-    along: float = 0.0
-    across: float = 0.0
-
-    def at(self, u: Floats, v: Floats) -> Floats:
-        """Heights at places from 0 to 1 along the sides."""
-        return self.corner + self.along * u + self.across * v
-
-
-class Rectangle(NamedTuple):
-    """A rectangle in pixels, whole numbers at the centres, turned clockwise by radians."""
-
-    u: float
-    v: float
-    width: float
-    depth: float
-    turn: float = 0.0
-
-    def local(self, u: Floats, v: Floats) -> tuple[Floats, Floats]:
-        """Places along the sides, 0 to 1 within."""
-        cos, sin = math.cos(self.turn), math.sin(self.turn)
-        du, dv = u - self.u, v - self.v
-        return (
-            0.5 + (du * cos - dv * sin) / self.width,
-            0.5 + (du * sin + dv * cos) / self.depth,
-        )
-
-    def grown(self, west: float, east: float, south: float, north: float) -> Rectangle:
-        """Return the rectangle with its own sides moved out."""
-        cos, sin = math.cos(self.turn), math.sin(self.turn)
-        right, up = (east - west) / 2, (north - south) / 2
-        return Rectangle(
-            self.u + right * cos + up * sin, self.v - right * sin + up * cos,
-            self.width + west + east, self.depth + south + north, self.turn,
-        )  # fmt: skip
-
-    def pixels(self, rows: int, columns: int) -> tuple[Ints, Ints]:
-        """Rows and columns of the pixels whose centres lie within."""
-        reach_u = (abs(math.cos(self.turn)) * self.width + abs(math.sin(self.turn)) * self.depth) / 2
-        reach_v = (abs(math.sin(self.turn)) * self.width + abs(math.cos(self.turn)) * self.depth) / 2
-        row = np.arange(max(0, math.ceil(self.v - reach_v)), min(rows, int(self.v + reach_v) + 1))
-        column = np.arange(
-            max(0, math.ceil(self.u - reach_u)), min(columns, int(self.u + reach_u) + 1)
-        )
-        row, column = (one.ravel() for one in np.meshgrid(row, column, indexing="ij"))
-        u, v = self.local(column.astype(np.float64), row.astype(np.float64))
-        slack = _PLACE / self.width, _PLACE / self.depth
-        inside = (np.abs(u - 0.5) < 0.5 - slack[0]) & (np.abs(v - 0.5) < 0.5 - slack[1])
-        return row[inside], column[inside]
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,13 +91,13 @@ def plan_decks(source: HeightSource, options: ImportOptions) -> DeckPlan:
     if overhangs is None:
         return DeckPlan(grid)
     search = _Search(overhangs, grid, options.allowed)
-    rectangles: list[_Faces] = []
+    rectangles: list[DeckFaces] = []
     rest = np.flatnonzero(overhangs.body >= 0)
     while found := list(search.rectangles(rest)):
         rectangles += found
         rest = search.unexplained(rest, rectangles)
     ground = options.ground
-    writer = _DeckWriter(grid, options.allowed, None if ground is None else ground.name)
+    writer = DeckWriter(grid, options.allowed, None if ground is None else ground.name)
     for one in rectangles:
         writer.add_rectangle(*one)
     grids = 0
@@ -168,22 +105,6 @@ def plan_decks(source: HeightSource, options: ImportOptions) -> DeckPlan:
         writer.add_grid(search.widened(piece))
         grids += 1
     return DeckPlan(grid, overhangs, tuple(writer.texts), len(rectangles), grids)
-
-
-class _Faces(NamedTuple):
-    """A rectangle of a deck, and the planes of its top and of its underside."""
-
-    place: Rectangle
-    top: Plane
-    under: Plane
-
-
-class _Piece(NamedTuple):
-    """A deck without planes, (n,) each: pixels, and heights of both faces at their centres."""
-
-    pixel: Ints
-    under: Floats
-    top: Floats
 
 
 class _Search:
@@ -204,7 +125,7 @@ class _Search:
 
     # --- rectangles ---
 
-    def rectangles(self, rest: Ints) -> Iterator[_Faces]:
+    def rectangles(self, rest: Ints) -> Iterator[DeckFaces]:
         """Yield rectangles between planes that hold some intervals, each where the mesh is solid.
 
         Args:
@@ -247,7 +168,7 @@ class _Search:
     def _planes(self) -> Ints:
         """Label intervals of bodies whose faces go on evenly to neighbouring pixels alike, (k,)."""
         solid, pairs, slopes = self.overhangs.solid, self.overhangs.pairs, self.slopes
-        near = _ALIKE * self.error
+        near = ALIKE * self.error
         one, other = pairs.one, pairs.other
         alike = np.ones(len(one), np.bool_)
         for at, heights in ((0, solid.top), (2, solid.bottom)):
@@ -261,7 +182,7 @@ class _Search:
         """Label intervals of a body between the same two planes alike, (k,), even with gaps."""
         solid, body = self.overhangs.solid, self.overhangs.body
         count = self.overhangs.bodies
-        near = _ALIKE * self.error
+        near = ALIKE * self.error
         which = np.flatnonzero(body >= 0)
         sizes = np.maximum(np.bincount(body[which], minlength=count), 1)
         middle_u, middle_v = (
@@ -272,8 +193,8 @@ class _Search:
         first = np.unique(self.planes[which], return_index=True, return_inverse=True)
         for at, heights in ((0, solid.top), (2, solid.bottom)):
             slope = self.slopes[which, at : at + 2]
-            rise = (middle_u - self.u[which]) * slope[:, 0] + (middle_v - self.v[which]) * slope[:, 1]
-            keys.append(heights[which] + rise)
+            off_u, off_v = middle_u - self.u[which], middle_v - self.v[which]
+            keys.append(heights[which] + off_u * slope[:, 0] + off_v * slope[:, 1])
         # of each plane its first interval decides
         told = np.column_stack(keys)[first[1]]
         told[:, 1:] = np.rint(told[:, 1:] / near)
@@ -282,7 +203,7 @@ class _Search:
         label[which] = len(solid) + same.ravel()[first[2]]
         return label
 
-    def _rectangle(self, group: Ints) -> _Faces | None:
+    def _rectangle(self, group: Ints) -> DeckFaces | None:
         """Rectangle that holds intervals between two planes, or None."""
         u, v = self.u[group], self.v[group]
         solid = self.overhangs.solid
@@ -299,7 +220,7 @@ class _Search:
             place = self._untied(self._fitted(place), group)
             if not min(place.width, place.depth) > 0.0:
                 continue
-            faces = _Faces(place, *(self._plane(place, one) for one in found))
+            faces = DeckFaces(place, *(self._plane(place, one) for one in found))
             row, column = place.pixels(self.rows, self.columns)
             if len(group) < min(_FEW, 0.5 * len(row)) or not self._is_solid(faces, row, column):
                 continue
@@ -343,7 +264,7 @@ class _Search:
         along = (east * cos - north * sin) * place.width
         across = (east * sin + north * cos) * place.depth
         corner = base + east * place.u + north * place.v - (along + across) / 2
-        fine = _PRECISION * self.error
+        fine = PRECISION * self.error
         return Plane(*(shortest(one, fine) for one in (corner, along, across)))
 
     def _outlines(self, group: Ints) -> Iterator[Rectangle]:
@@ -368,7 +289,7 @@ class _Search:
         along, across = place.local(u, v)
         return (np.abs(along - 0.5) <= 0.5) & (np.abs(across - 0.5) <= 0.5)
 
-    def _is_near(self, faces: _Faces, group: Ints) -> bool:
+    def _is_near(self, faces: DeckFaces, group: Ints) -> bool:
         """Whether both faces of intervals are within the error of planes."""
         solid = self.overhangs.solid
         u, v = faces.place.local(self.u[group], self.v[group])
@@ -376,7 +297,7 @@ class _Search:
         below = np.abs(faces.under.at(u, v) - solid.bottom[group]).max(initial=0.0)
         return bool(max(off, below) <= _WITHIN * self.error)
 
-    def _is_solid(self, faces: _Faces, row: Ints, column: Ints) -> bool:
+    def _is_solid(self, faces: DeckFaces, row: Ints, column: Ints) -> bool:
         """Whether the mesh is solid at pixels from one plane to the other, within the error."""
         u, v = faces.place.local(column.astype(np.float64), row.astype(np.float64))
         top, under = faces.top.at(u, v), faces.under.at(u, v)
@@ -399,7 +320,7 @@ class _Search:
             place = place + 1
         return held
 
-    def _extended(self, faces: _Faces, known: list[tuple[float, float, float]]) -> _Faces:
+    def _extended(self, faces: DeckFaces, known: list[tuple[float, float, float]]) -> DeckFaces:
         """Let a rectangle end within what it leads up to, by a pixel on each side.
 
         The ground falls within a pixel below the end of a deck, which would leave a notch there.
@@ -408,7 +329,7 @@ class _Search:
             place = self._fitted(faces.place.grown(*side))
             if place == faces.place:
                 continue
-            wider = _Faces(place, *(self._plane(place, one) for one in known))
+            wider = DeckFaces(place, *(self._plane(place, one) for one in known))
             row, column = place.pixels(self.rows, self.columns)
             new = ~self._holds(faces.place, column.astype(np.float64), row.astype(np.float64))
             if new.any() and self._is_solid(wider, row, column):
@@ -417,7 +338,7 @@ class _Search:
 
     # --- what rectangles leave ---
 
-    def unexplained(self, which: Ints, rectangles: list[_Faces]) -> Ints:
+    def unexplained(self, which: Ints, rectangles: list[DeckFaces]) -> Ints:
         """Return those of some intervals, by index, that the rectangles do not come to."""
         solid = self.overhangs.solid
         pixels, unders, tops = [], [], []
@@ -446,7 +367,7 @@ class _Search:
         off = np.maximum(np.abs(low - solid.bottom[which]), np.abs(high - solid.top[which]))
         return which[~(off <= self.error)]
 
-    def pieces(self, rest: Ints) -> Iterator[_Piece]:
+    def pieces(self, rest: Ints) -> Iterator[DeckPiece]:
         """Yield connected pieces of intervals, none of them twice over a pixel."""
         solid = self.overhangs.solid
         while len(rest):
@@ -455,10 +376,10 @@ class _Search:
             _, first = np.unique(keys, return_index=True)
             lowest = np.sort(rest[first])
             for group in _groups(lowest, self._labels(lowest)):
-                yield _Piece(solid.pixel[group], solid.bottom[group], solid.top[group])
+                yield DeckPiece(solid.pixel[group], solid.bottom[group], solid.top[group])
             rest = np.setdiff1d(rest, lowest)
 
-    def widened(self, piece: _Piece) -> _Piece:
+    def widened(self, piece: DeckPiece) -> DeckPiece:
         """Return a piece that ends within what it leads up to, by a pixel on each side.
 
         What is added lies in what is solid there.
@@ -487,7 +408,7 @@ class _Search:
         if not new:
             return piece
         more = np.array(list(new.values()))
-        return _Piece(
+        return DeckPiece(
             np.concatenate([piece.pixel, np.array(list(new), np.int64)]),
             np.concatenate([piece.under, more[:, 0]]),
             np.concatenate([piece.top, more[:, 1]]),
@@ -499,157 +420,3 @@ def _groups(indices: Ints, label: Ints) -> list[Ints]:
     order = np.argsort(label, kind="stable")
     cuts = np.flatnonzero(np.diff(label[order])) + 1
     return [one for one in np.split(indices[order], cuts) if len(one)]
-
-
-def around(points: Floats) -> Rectangle | None:
-    """Least rectangle around points, (n, 2), turned by at most 45°; None where they lie in a line."""
-    hull = shapely.convex_hull(shapely.multipoints(points))
-    if hull.geom_type != "Polygon":
-        return None
-    corners = shapely.get_coordinates(hull)
-    middle = corners.mean(axis=0)
-    corners = corners - middle
-    sides = np.diff(corners, axis=0)
-    turns = np.arctan2(sides[:, 1], sides[:, 0])
-    turns = np.append(0.0, -((turns + math.pi / 4) % (math.pi / 2) - math.pi / 4))
-    cos, sin = np.cos(turns)[:, None], np.sin(turns)[:, None]
-    along = corners[:, 0] * cos - corners[:, 1] * sin
-    across = corners[:, 0] * sin + corners[:, 1] * cos
-    low = np.stack([along.min(axis=1), across.min(axis=1)])
-    high = np.stack([along.max(axis=1), across.max(axis=1)])
-    areas = (high - low).prod(axis=0)
-    best = int(np.flatnonzero(areas <= areas.min() * _SAME_AREA)[0])
-    turn = float(turns[best])
-    u, v = (0.5 * (low + high))[:, best].tolist()
-    width, depth = (high - low)[:, best].tolist()
-    cosine, sine = math.cos(turn), math.sin(turn)
-    return Rectangle(
-        float(middle[0]) + u * cosine + v * sine, float(middle[1]) - u * sine + v * cosine,
-        width, depth, turn,
-    )  # fmt: skip
-
-
-# --- texts ---------------------------------------------------------------------------------------
-
-
-@dataclass(slots=True)
-class _DeckWriter:
-    """Writer of the texts of decks.
-
-    Attributes:
-        grid: the pixels.
-        error: largest error of tops and of undersides.
-        surface: surface that decks wear; None for none.
-        texts: texts so far.
-    """
-
-    grid: PixelGrid
-    error: float
-    surface: str | None
-    texts: list[ElementText] = field(default_factory=list)
-    _names: dict[str, bytes] = field(default_factory=dict)
-    _grids: int = 0
-
-    def add_rectangle(self, place: Rectangle, top: Plane, under: Plane) -> None:
-        """Write a deck between two planes."""
-        primitives: list[bytes] = []
-        members = self._shape(top, primitives)
-        deck: dict[str, Any] = {}
-        fine = 2 * _PRECISION * self.error
-        alike = abs(top.along - under.along) <= fine and abs(top.across - under.across) <= fine
-        if alike:
-            deck["thickness"] = shortest(top.corner - under.corner, fine)
-        else:
-            shape = self._shape(under, primitives)
-            deck = {"under": shape.pop("type"), **shape}
-        self._add(self._place(place), members, deck, primitives)
-
-    def add_grid(self, piece: _Piece) -> None:
-        """Write a deck by numbers at the centres of pixels."""
-        rows, columns = np.divmod(piece.pixel, self.grid.columns)
-        west, east, south, north = columns.min(), columns.max(), rows.min(), rows.max()
-        place = Rectangle(
-            float(west + east) / 2, float(south + north) / 2,
-            float(east - west + 1), float(north - south + 1),
-        )  # fmt: skip
-        self._grids += 1
-        name = f"deck-{self._grids}"
-        thickness = piece.top - piece.under
-        middle = 0.5 * float(thickness.min() + thickness.max())
-        spread = float(thickness.max()) - middle
-        even = spread <= _ALIKE * self.error
-        error = self.error - spread if even else self.error
-        highest = float(max(np.abs(piece.top).max(), np.abs(piece.under).max()))
-        step = step_for(error, highest)
-        if not even:  # so that the faces do not meet
-            least = max(float(thickness.min()), _FINEST * self.error)
-            step = min(step, step_for(least / 2, highest))
-        at = (rows - south, columns - west)
-        primitives: list[bytes] = []
-        top = self._numbers(name, piece.top, at, step, primitives)
-        deck: dict[str, Any] = {"thickness": shortest(middle, _PRECISION * self.error)}
-        if not even:
-            shape = self._numbers(f"{name}-under", piece.under, at, step, primitives)
-            deck = {"under": shape.pop("type"), **shape}
-        self._add(self._place(place), top, deck, primitives)
-
-    def _numbers(
-        self, name: str, heights: Floats, at: tuple[Ints, Ints], step: float, new: list[bytes]
-    ) -> dict[str, Any]:
-        """Members of an element of a new grid of some heights, null elsewhere."""
-        # numbers from 1 on, as a grid of zeros is a warning
-        rounding = HeightRounding.above(float(heights.min()) - step, step)
-        rows, columns = at
-        numbers = np.full((int(rows.max()) + 1, int(columns.max()) + 1), None, object)
-        steps = np.rint((heights - rounding.base) / step).astype(np.int64)
-        numbers[rows, columns] = steps
-        grid = {"grid": numbers[::-1].tolist(), "registration": "pixel"}
-        new.append(b"%s:%s" % (msgspec.json.encode(name), msgspec.json.encode(grid)))
-        members: dict[str, Any] = {"type": name, "vScale": step}
-        return {**members, "vOffset": rounding.base} if rounding.base else members
-
-    def _shape(self, plane: Plane, new: list[bytes]) -> dict[str, Any]:
-        """Members of an element of a plane, whose primitive is appended where it is new."""
-        corner, along, across = plane
-        if not along and not across:
-            name, text = "deck-level", b'{"x":"flat","y":"flat"}'
-            heights = {"vScale": corner} if corner else {"vScale": 1, "vOffset": -1}
-        else:
-            heights = {"vScale": across or along}
-            if along and across:
-                text = msgspec.json.encode({"combine": "sum", "x": [0, along], "y": [0, across]})
-                number = sum(name.startswith("deck-slope-") for name in self._names) + 1
-                same = (name for name, known in self._names.items() if known == text)
-                name, heights["vScale"] = next(same, f"deck-slope-{number}"), 1
-            elif along:
-                name, text = "deck-rise-e", b'{"x":[0,1],"y":"flat"}'
-            else:
-                name, text = "deck-rise-n", b'{"x":"flat","y":[0,1]}'
-            if corner:
-                heights["vOffset"] = corner
-        if name not in self._names:
-            self._names[name] = text
-            new.append(b"%s:%s" % (msgspec.json.encode(name), text))
-        return {"type": name, **heights}
-
-    def _place(self, place: Rectangle) -> dict[str, Any]:
-        """Members of an element at a free place."""
-        dx, dy = self.grid.dx, self.grid.dy
-        at = shortest((place.u + 0.5) * dx, _PLACE * dx), shortest((place.v + 0.5) * dy, _PLACE * dy)
-        sides = shortest(place.width * dx, _PLACE * dx), shortest(place.depth * dy, _PLACE * dy)
-        members: dict[str, Any] = {"at": list(at), "extent": list(sides)}
-        if place.turn:
-            fine = _PLACE / max(place.width, place.depth)
-            members["turnDeg"] = shortest(math.degrees(place.turn), math.degrees(fine))
-        return members
-
-    def _add(
-        self, place: dict[str, Any], shape: dict[str, Any], deck: dict[str, Any], new: list[bytes]
-    ) -> None:
-        turn = {name: place.pop(name) for name in ("turnDeg",) if place.get(name)}
-        place.pop("turnDeg", None)
-        name = shape.pop("type")
-        worn = {} if self.surface is None else {"surface": self.surface}
-        deck = {**deck, "datum": True}
-        members = {**place, "type": name, **worn, "deck": deck, **shape, **turn}
-        self.texts.append(ElementText(b",\n".join(new), msgspec.json.encode(members)))
