@@ -92,8 +92,7 @@ def find_overhangs(
         grid: the pixels.
         near: height below which nothing is solid, and nothing open.
     """
-    asked = counts >= 2
-    found = mesh_columns(points, faces, asked, near)
+    found = mesh_columns(points, faces, counts > 0, near)
     solid = _with_plain(found.intervals, highest)
     rows, columns = highest.shape
     pairs = neighbours(solid, rows, columns)
@@ -115,7 +114,7 @@ def find_overhangs(
 
 
 def _with_plain(stacked: Intervals, highest: Floats) -> Intervals:
-    """Return intervals with those of all other pixels, solid below the highest surface."""
+    """Return intervals with those of pixels on the rim of a face, solid below the surface."""
     flat = highest.ravel()
     plain = ~np.isnan(flat)
     plain[stacked.pixel] = False

@@ -456,16 +456,13 @@ class _WritingJob:
                 painter = PartPainter(grid, base, found.texts, transposed, options.pixels)
                 self._write_heights(writer, plan, Checker(painter, added, deviation, error))
                 rows = writer.count - len(found.texts)
-                writer.write(*self.decks.texts)
+                writer.write_decks(self.decks.texts, self.decks.ignored)
                 root = root_of(grid.rows, grid.columns, base, options.pixels)
                 if options.ground is not None:
                     root["surface"] = options.ground.name
                 method = plan.method.sentence if rows else "structures"
                 origin = origin_of(source, options, method, error.largest)
-                writer.finish(
-                    summary.surface_types, root, summary.cover, options.pixels, origin,
-                    self.decks.ignored,
-                )  # fmt: skip
+                writer.finish(summary.surface_types, root, summary.cover, options.pixels, origin)
             bound = error.largest + found.deviation
             if not bound <= options.allowed:
                 raise BoundError(f"an error of {bound:g} came about")

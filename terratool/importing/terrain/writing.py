@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -119,6 +119,8 @@ class Writer:
         self._sink = sink
         self._elements = TextSpool()
         self._first = True
+        self._decks = 0
+        self._ignored: tuple[str, ...] = ()
         self.beyond = False
         text = json.dumps(head, ensure_ascii=False, indent=1)
         sink.write(text.removesuffix("\n}").encode() + b',\n "elemTypes": {')
@@ -137,6 +139,11 @@ class Writer:
             if text.element:
                 self._elements.add(text.element)
 
+    def write_decks(self, texts: Sequence[ElementText], ignored: tuple[str, ...]) -> None:
+        """Write decks, and remember the codes of warnings that they draw and that are meant."""
+        self.write(*texts)
+        self._decks, self._ignored = len(texts), ignored
+
     def finish(
         self,
         surfaces: dict[str, Any],
@@ -144,7 +151,6 @@ class Writer:
         cover: TextSpool,
         pixels: bool = False,
         origin: dict[str, Any] | None = None,
-        ignored: tuple[str, ...] = (),
     ) -> None:
         """Write the surfaces and the tree: the root, its elements, and those that cover them.
 
@@ -154,16 +160,15 @@ class Writer:
             cover: elements in a grid of pixels, which decide the surface.
             pixels: whether the root's grid is one of pixels, too.
             origin: value of `x-source`; None leaves it out.
-            ignored: codes of further warnings that are meant.
         """
         sink = self._sink
         sink.write(b"\n },\n")
         if surfaces:
             sink.write(b' "surfTypes": %s,\n' % msgspec.json.encode(surfaces))
         warned = {
-            "TT208": self._elements.count + bool(cover.count) > 1,
+            "TT208": self._elements.count - self._decks + bool(cover.count) > 1,
             "TT210": bool(cover.count) or not root["vScale"],
-            **dict.fromkeys(ignored, True),
+            **dict.fromkeys(self._ignored, True),
             "TT306": self.beyond,
         }
         if origin is not None:
