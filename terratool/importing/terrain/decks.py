@@ -35,7 +35,10 @@ _WITHIN = 0.99
 """Share of the error that planes may take; the rest is for rounding."""
 
 _FEW, _PART = 64, 8
-"""Pixels of a plane from which on it is looked at, unless it is at least this part of its body."""
+"""Pixels of a plane from which on it is looked at, unless it is at least this part of its piece."""
+
+_FILLED = 0.9, 0.3
+"""Least share of a rectangle that a plane fills: a small one of its piece, and a large one."""
 
 _MOST_PLANES = 2000
 """Most planes that are tried, the largest first."""
@@ -138,12 +141,13 @@ class _Search:
         planes.sort(key=lambda one: (-len(one), int(one[0])))
         for group in planes[: _MOST_PLANES - len(self.tried)]:
             size = int(sizes[pieces[np.searchsorted(rest, group[0])]])
-            if len(group) < min(_FEW, max(1, size // _PART)):
+            is_main = len(group) >= max(1, size // _PART)
+            if not is_main and len(group) < _FEW:
                 continue
             if (group[0], len(group)) in self.tried:
                 continue
             self.tried.add((group[0], len(group)))
-            found = self._rectangle(group)
+            found = self._rectangle(group, _FILLED[is_main])
             if found is not None:
                 yield found
 
@@ -203,8 +207,13 @@ class _Search:
         label[which] = len(solid) + same.ravel()[first[2]]
         return label
 
-    def _rectangle(self, group: Ints) -> DeckFaces | None:
-        """Rectangle that holds intervals between two planes, or None."""
+    def _rectangle(self, group: Ints, share: float) -> DeckFaces | None:
+        """Rectangle that holds intervals between two planes, or None.
+
+        Args:
+            group: (n,) indices of the intervals.
+            share: least share of the pixels of the rectangle that have them.
+        """
         u, v = self.u[group], self.v[group]
         solid = self.overhangs.solid
         heights = (solid.top[group], solid.bottom[group])
@@ -222,7 +231,7 @@ class _Search:
                 continue
             faces = DeckFaces(place, *(self._plane(place, one) for one in found))
             row, column = place.pixels(self.rows, self.columns)
-            if len(group) < min(_FEW, 0.5 * len(row)) or not self._is_solid(faces, row, column):
+            if len(group) < share * len(row) or not self._is_solid(faces, row, column):
                 continue
             held = self._holds(place, u, v)
             if np.count_nonzero(held) < 0.5 * len(group) or not self._is_near(faces, group[held]):
