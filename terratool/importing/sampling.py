@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
+from terratool.definition.model import MAX_CELLS
 from terratool.errors import ReadError, RequestError
 from terratool.field.terrain import check_overlap
 from terratool.importing.overhangs import MOST_PIXELS, FoundOverhangs, find_overhangs
@@ -107,7 +108,8 @@ def sample(
         hidden = kernels.count_overhangs(points, faces, near, heights, counts)
         holes, beyond = kernels.count_holes(heights)
         found = FoundOverhangs(None, heights, ())
-        if decks and hidden and heights.size <= MOST_PIXELS:
+        few = heights.size <= MOST_PIXELS and 2 * max(heights.shape) <= MAX_CELLS
+        if decks and hidden and few:
             found = find_overhangs(points, faces, heights, counts, grid, near)
             hidden = 0 if found.overhangs else hidden
     except MemoryError as error:

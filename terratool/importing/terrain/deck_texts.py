@@ -22,6 +22,9 @@ PRECISION = 1e-3
 ALIKE = 0.25
 """Share of the error by which heights may leave a plane, or a thickness, and still be of it."""
 
+_INSET = 1e-5
+"""Least distance, in pixels, of a free place from the rim of the terrain."""
+
 _FINEST = 0.02
 """Least step of a thin grid, as a share of the error."""
 
@@ -51,12 +54,14 @@ class DeckWriter:
 
     Attributes:
         grid: the pixels.
+        per_pixel: cells of the root along a side of a pixel.
         error: largest error of tops and of undersides.
         surface: surface that decks wear; None for none.
         texts: texts so far.
     """
 
     grid: PixelGrid
+    per_pixel: int
     error: float
     surface: str | None
     texts: list[ElementText] = field(default_factory=list)
@@ -146,10 +151,24 @@ class DeckWriter:
         return {"type": name, **heights}
 
     def _place(self, place: Rectangle) -> dict[str, Any]:
-        """Members of an element at a free place."""
-        dx, dy = self.grid.dx, self.grid.dy
-        lengths = [(place.u + 0.5) * dx, (place.v + 0.5) * dy, place.width * dx, place.depth * dy]
-        x, y, width, depth = (shortest(one, PLACE * min(dx, dy)) for one in lengths)
+        """Members of an element in cells of the root, or at a free place."""
+        west, south = place.u - place.width / 2 + 0.5, place.v - place.depth / 2 + 0.5
+        counts = [self.per_pixel * one for one in (west, south, place.width, place.depth)]
+        if not place.turn and all(abs(one - round(one)) < PLACE for one in counts):
+            column, row, wide, deep = map(round, counts)
+            return {"cellX": column, "cellY": row, "span": [wide, deep]}
+        grid = self.grid
+        numbers = []
+        for middle, length, count, side in (
+            (place.u + 0.5, place.width, grid.columns, grid.dx),
+            (place.v + 0.5, place.depth, grid.rows, grid.dy),
+        ):
+            low, high = middle - length / 2, middle + length / 2
+            if not place.turn:  # so that rounding does not lead out of the terrain
+                low, high = max(low, _INSET), min(high, count - _INSET)
+            lengths = (low + high) / 2 * side, (high - low) * side
+            numbers += [shortest(one, PLACE * side) for one in lengths]
+        x, width, y, depth = numbers
         members: dict[str, Any] = {"at": [x, y], "extent": [width, depth]}
         if place.turn:
             fine = PLACE / max(place.width, place.depth)
@@ -159,10 +178,8 @@ class DeckWriter:
     def _add(
         self, place: dict[str, Any], shape: dict[str, Any], deck: dict[str, Any], new: list[bytes]
     ) -> None:
-        turn = {name: place.pop(name) for name in ("turnDeg",) if place.get(name)}
-        place.pop("turnDeg", None)
         name = shape.pop("type")
         worn = {} if self.surface is None else {"surface": self.surface}
         deck = {**deck, "datum": True}
-        members = {**place, "type": name, **worn, "deck": deck, **shape, **turn}
+        members = {**place, "type": name, **worn, "deck": deck, **shape}
         self.texts.append(ElementText(b",\n".join(new), msgspec.json.encode(members)))

@@ -46,8 +46,12 @@ _MOST_PLANES = 2000
 _TIE, _NUDGE = 1e-5, 1e-4
 """Distance, in pixels, below which a side runs through centres, and how far it is moved then."""
 
-_IGNORED = ("TT220", "TT222")
-"""Warnings that are meant: planes that cross out of their deck, and decks that make one body."""
+_OUT = 1e-2
+"""Distance, in pixels, by which a turned rectangle may reach out of the terrain, to be narrowed."""
+
+_IGNORED = ("TT220", "TT222", "TT306")
+"""Warnings that are meant: planes that cross out of their deck, decks that make one body, and
+slopes along two sides."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +61,7 @@ class DeckPlan:
     Attributes:
         grid: the pixels.
         overhangs: what they are made of; None where there are none.
+        per_pixel: cells of the root along a side of a pixel.
         texts: a text for each deck, with primitives where they are new.
         rectangles: number of decks between two planes.
         grids: number of decks with grids.
@@ -64,9 +69,15 @@ class DeckPlan:
 
     grid: PixelGrid
     overhangs: Overhangs | None = None
+    per_pixel: int = 1
     texts: tuple[ElementText, ...] = ()
     rectangles: int = 0
     grids: int = 0
+
+    @property
+    def cells(self) -> tuple[int, int]:
+        """Cells of the root that the decks count with."""
+        return self.per_pixel * self.grid.columns, self.per_pixel * self.grid.rows
 
     @property
     def ignored(self) -> tuple[str, ...]:
@@ -74,9 +85,11 @@ class DeckPlan:
         if not self.texts:
             return ()
         primitives = [text.primitive for text in self.texts if text.primitive]
-        text = b'{"size":%s,"elemTypes":{%s},"elemTree":{"type":"flat","children":[%s]}}' % (
+        text = b'{"size":%s,"elemTypes":{%s},"elemTree":{"type":"flat","cells":%s,"children":[%s]}}'
+        text %= (
             msgspec.json.encode(self.grid.size),
             b",".join([FLAT, *primitives]),
+            msgspec.json.encode(self.cells),
             b",".join(text.element for text in self.texts),
         )
         counts = check(Source("decks", text)).counts
@@ -100,14 +113,16 @@ def plan_decks(source: HeightSource, options: ImportOptions) -> DeckPlan:
         rectangles += found
         rest = search.unexplained(rest, rectangles)
     ground = options.ground
-    writer = DeckWriter(grid, options.allowed, None if ground is None else ground.name)
+    per_pixel = 1 if options.pixels or options.makes_grid(grid) else 2
+    surface = None if ground is None else ground.name
+    writer = DeckWriter(grid, per_pixel, options.allowed, surface)
     for one in rectangles:
         writer.add_rectangle(*one)
     grids = 0
     for piece in search.pieces(rest):
         writer.add_grid(search.widened(piece))
         grids += 1
-    return DeckPlan(grid, overhangs, tuple(writer.texts), len(rectangles), grids)
+    return DeckPlan(grid, overhangs, per_pixel, tuple(writer.texts), len(rectangles), grids)
 
 
 class _Search:
@@ -221,12 +236,18 @@ class _Search:
         for at, known in ((0, heights[0]), (2, heights[1])):
             slope = np.median(self.slopes[group, at : at + 2], axis=0)
             off = known - u * slope[0] - v * slope[1]
-            base = 0.5 * float(off.min() + off.max())
-            if not float(off.max()) - base <= _WITHIN * self.error:
+            # what most pixels have is exact, the middle is nearest to all
+            bases = float(np.median(off)), 0.5 * float(off.min() + off.max())
+            near = [base for base in bases if np.abs(off - base).max() <= _WITHIN * self.error]
+            if not near:
                 return None
+            base = near[0]
             found.append((base, *slope.tolist()))
         for place in self._outlines(group):
-            place = self._untied(self._fitted(place), group)
+            fitted = self._fitted(place)
+            if fitted is None:
+                continue
+            place = self._untied(fitted, group)
             if not min(place.width, place.depth) > 0.0:
                 continue
             faces = DeckFaces(place, *(self._plane(place, one) for one in found))
@@ -239,13 +260,17 @@ class _Search:
             return self._extended(faces, found)
         return None
 
-    def _fitted(self, place: Rectangle) -> Rectangle:
-        """Return a rectangle that is not turned within the terrain."""
+    def _fitted(self, place: Rectangle) -> Rectangle | None:
+        """Return a rectangle within the terrain; None for a turned one that reaches out of it."""
+        columns, rows = float(self.columns), float(self.rows)
         if place.turn:
-            return place
+            across, down = place.reach
+            out = max(across - place.u, across + place.u - columns + 1.0,
+                      down - place.v, down + place.v - rows + 1.0) - 0.5 + _NUDGE  # fmt: skip
+            return None if out > _OUT else place.grown(*(-max(out, 0.0),) * 4)
         west, east = max(place.u - place.width / 2, -0.5), place.u + place.width / 2
         south, north = max(place.v - place.depth / 2, -0.5), place.v + place.depth / 2
-        east, north = min(east, self.columns - 0.5), min(north, self.rows - 0.5)
+        east, north = min(east, columns - 0.5), min(north, rows - 0.5)
         return Rectangle((west + east) / 2, (south + north) / 2, east - west, north - south)
 
     def _untied(self, place: Rectangle, group: Ints) -> Rectangle:
@@ -336,7 +361,7 @@ class _Search:
         """
         for side in np.eye(4).tolist():
             place = self._fitted(faces.place.grown(*side))
-            if place == faces.place:
+            if place is None or place == faces.place:
                 continue
             wider = DeckFaces(place, *(self._plane(place, one) for one in known))
             row, column = place.pixels(self.rows, self.columns)

@@ -384,6 +384,7 @@ def grid_text(
     if decks is not None and decks.texts:
         if decks.ignored:
             found["x-ignore"] = list(decks.ignored)
+        root["cells"] = list(decks.cells)
         root["children"] = [msgspec.Raw(text.element) for text in decks.texts]
         primitives = b",".join(text.primitive for text in decks.texts if text.primitive)
         found["elemTypes"] |= msgspec.json.decode(b"{%s}" % primitives)

@@ -57,11 +57,15 @@ class Rectangle(NamedTuple):
             self.width + west + east, self.depth + south + north, self.turn,
         )  # fmt: skip
 
+    @property
+    def reach(self) -> tuple[float, float]:
+        """How far it reaches from its middle to the east and to the north."""
+        cos, sin = abs(math.cos(self.turn)), abs(math.sin(self.turn))
+        return (cos * self.width + sin * self.depth) / 2, (sin * self.width + cos * self.depth) / 2
+
     def pixels(self, rows: int, columns: int) -> tuple[Ints, Ints]:
         """Rows and columns of the pixels whose centres lie within."""
-        cos, sin = abs(math.cos(self.turn)), abs(math.sin(self.turn))
-        reach_u = (cos * self.width + sin * self.depth) / 2
-        reach_v = (sin * self.width + cos * self.depth) / 2
+        reach_u, reach_v = self.reach
         row = np.arange(max(0, math.ceil(self.v - reach_v)), min(rows, int(self.v + reach_v) + 1))
         column = np.arange(
             max(0, math.ceil(self.u - reach_u)), min(columns, int(self.u + reach_u) + 1)

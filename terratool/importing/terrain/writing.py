@@ -168,8 +168,8 @@ class Writer:
         warned = {
             "TT208": self._elements.count - self._decks + bool(cover.count) > 1,
             "TT210": bool(cover.count) or not root["vScale"],
-            **dict.fromkeys(self._ignored, True),
             "TT306": self.beyond,
+            **dict.fromkeys(self._ignored, True),
         }
         if origin is not None:
             sink.write(b' "x-source": %s,\n' % msgspec.json.encode(origin))
