@@ -32,7 +32,7 @@ MOST_BODIES = 1000
 
 @dataclass(frozen=True, slots=True)
 class Overhangs:
-    """What is solid in the columns of a mesh, of which some stands over other ground.
+    """Solid intervals of a mesh, with the bodies of those that stand over other ground.
 
     Attributes:
         points: (n, 3) float64, vertices in pixels, whole numbers at the centres; z is a height.

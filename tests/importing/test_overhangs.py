@@ -339,15 +339,18 @@ def test_sides_through_centres_of_pixels(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("as_", ["rows", "grid"])
-@pytest.mark.parametrize("turn", [0.0, 31.0])
-def test_decks_up_to_the_rim_of_the_terrain(turn: float, as_: Any, tmp_path: Path) -> None:
-    """What rounding would lead out of the terrain is an error there; pixels are no round numbers."""
-    mesh = joined(slab((3.1, 2.3), (6.2, 4.6), level(0), level(-1), turn),
-                  slab((3.1, 2.3), (6.2, 4.6), level(3), level(2), turn))  # fmt: skip
-    path = tmp_path / "t.json"
-    report = import_terrain(
-        sample(mesh, 0.0473, decks=True), path, ImportOptions(0.01, as_=as_, structures=False)
+@pytest.mark.parametrize(("wide", "turn"), [(6.2, 0.0), (6.2, 31.0), (4.01312349, 0.0)])
+def test_decks_up_to_the_rim_of_the_terrain(
+    wide: float, turn: float, as_: Any, tmp_path: Path
+) -> None:
+    """Rounding must not lead out of the terrain, which is an error; pixels are no round numbers."""
+    mesh = joined(
+        slab((3.1, 2.3), (6.2, 4.6), level(0), level(-1), turn),
+        slab((wide / 2, 2.3), (wide, 4.6), level(3), level(2), turn),
     )
+    path = tmp_path / "t.json"
+    options = ImportOptions(0.01, as_=as_, structures=False)
+    report = import_terrain(sample(mesh, 6.2 / 131, decks=True), path, options)
     assert report.decks is not None
     assert (report.decks.rectangles, report.decks.grids, report.decks.other) == (1, 0, 0)
     check(load(path), np.array([3.0]), np.array([2.0]), [[(-math.inf, 0.0), (2.0, 3.0)]], 0.01)

@@ -1,4 +1,4 @@
-"""How far columns of an imported terrain are from those of the mesh."""
+"""Errors of the columns of an imported terrain against those of its mesh."""
 
 from __future__ import annotations
 

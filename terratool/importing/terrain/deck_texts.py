@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from terratool.importing.structure.structures import shortest
 from terratool.importing.terrain.methods import HeightRounding, step_for
-from terratool.importing.terrain.rectangles import PLACE, Plane, Rectangle
+from terratool.importing.terrain.rectangles import PLACE, PixelRectangle, Plane
 from terratool.importing.terrain.writing import ElementText
 from terratool.importing.types import PixelGrid
 
@@ -35,7 +35,7 @@ Ints = NDArray[np.int64]
 class DeckFaces(NamedTuple):
     """A rectangle of a deck, and the planes of its top and of its underside."""
 
-    place: Rectangle
+    place: PixelRectangle
     top: Plane
     under: Plane
 
@@ -68,7 +68,7 @@ class DeckWriter:
     _names: dict[str, bytes] = field(default_factory=dict)
     _grids: int = 0
 
-    def add_rectangle(self, place: Rectangle, top: Plane, under: Plane) -> None:
+    def add_rectangle(self, place: PixelRectangle, top: Plane, under: Plane) -> None:
         """Write a deck between two planes."""
         primitives: list[bytes] = []
         members = self._shape(top, primitives)
@@ -86,7 +86,7 @@ class DeckWriter:
         """Write a deck by numbers at the centres of pixels."""
         rows, columns = np.divmod(piece.pixel, self.grid.columns)
         west, east, south, north = columns.min(), columns.max(), rows.min(), rows.max()
-        place = Rectangle(
+        place = PixelRectangle(
             float(west + east) / 2, float(south + north) / 2,
             float(east - west + 1), float(north - south + 1),
         )  # fmt: skip
@@ -150,7 +150,7 @@ class DeckWriter:
             new.append(b"%s:%s" % (msgspec.json.encode(name), text))
         return {"type": name, **heights}
 
-    def _place(self, place: Rectangle) -> dict[str, Any]:
+    def _place(self, place: PixelRectangle) -> dict[str, Any]:
         """Members of an element in cells of the root, or at a free place."""
         west, south = place.u - place.width / 2 + 0.5, place.v - place.depth / 2 + 0.5
         counts = [self.per_pixel * one for one in (west, south, place.width, place.depth)]

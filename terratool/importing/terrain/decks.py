@@ -21,7 +21,7 @@ from terratool.importing.terrain.deck_texts import (
     DeckPiece,
     DeckWriter,
 )
-from terratool.importing.terrain.rectangles import Plane, Rectangle, around
+from terratool.importing.terrain.rectangles import PixelRectangle, Plane, around
 from terratool.importing.terrain.request import ImportOptions
 from terratool.importing.terrain.writing import FLAT, ElementText
 from terratool.importing.types import HeightSource, PixelGrid, overhangs_of
@@ -260,7 +260,7 @@ class _Search:
             return self._extended(faces, found)
         return None
 
-    def _fitted(self, place: Rectangle) -> Rectangle | None:
+    def _fitted(self, place: PixelRectangle) -> PixelRectangle | None:
         """Return a rectangle within the terrain; None for a turned one that reaches out of it."""
         columns, rows = float(self.columns), float(self.rows)
         if place.turn:
@@ -271,9 +271,9 @@ class _Search:
         west, east = max(place.u - place.width / 2, -0.5), place.u + place.width / 2
         south, north = max(place.v - place.depth / 2, -0.5), place.v + place.depth / 2
         east, north = min(east, columns - 0.5), min(north, rows - 0.5)
-        return Rectangle((west + east) / 2, (south + north) / 2, east - west, north - south)
+        return PixelRectangle((west + east) / 2, (south + north) / 2, east - west, north - south)
 
-    def _untied(self, place: Rectangle, group: Ints) -> Rectangle:
+    def _untied(self, place: PixelRectangle, group: Ints) -> PixelRectangle:
         """Return a rectangle whose sides do not run through centres of pixels, which may be in it.
 
         Rounding would decide there, otherwise in the terrain than in the mesh.
@@ -289,9 +289,9 @@ class _Search:
                     side = round(side) + (sign if inside else -sign) * _NUDGE
                 sides.append(side)
         west, east, south, north = sides
-        return Rectangle((west + east) / 2, (south + north) / 2, east - west, north - south)
+        return PixelRectangle((west + east) / 2, (south + north) / 2, east - west, north - south)
 
-    def _plane(self, place: Rectangle, known: tuple[float, float, float]) -> Plane:
+    def _plane(self, place: PixelRectangle, known: tuple[float, float, float]) -> Plane:
         """Plane over a rectangle, rounded, from its height at 0, 0 and its slopes."""
         base, east, north = known
         cos, sin = math.cos(place.turn), math.sin(place.turn)
@@ -301,7 +301,7 @@ class _Search:
         fine = PRECISION * self.error
         return Plane(*(shortest(one, fine) for one in (corner, along, across)))
 
-    def _outlines(self, group: Ints) -> Iterator[Rectangle]:
+    def _outlines(self, group: Ints) -> Iterator[PixelRectangle]:
         """Yield rectangles around faces of the top, around those below, and around pixels."""
         solid, points, faces = (
             self.overhangs.solid, self.overhangs.points, self.overhangs.faces,
@@ -313,12 +313,12 @@ class _Search:
                 yield place
         u, v = self.u[group], self.v[group]
         west, east, south, north = u.min(), u.max(), v.min(), v.max()
-        yield Rectangle(
+        yield PixelRectangle(
             float(west + east) / 2, float(south + north) / 2,
             float(east - west) + 1, float(north - south) + 1,
         )  # fmt: skip
 
-    def _holds(self, place: Rectangle, u: Floats, v: Floats) -> Mask:
+    def _holds(self, place: PixelRectangle, u: Floats, v: Floats) -> Mask:
         """Tell which centres lie in a rectangle."""
         along, across = place.local(u, v)
         return (np.abs(along - 0.5) <= 0.5) & (np.abs(across - 0.5) <= 0.5)

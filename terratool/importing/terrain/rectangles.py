@@ -30,8 +30,8 @@ class Plane(NamedTuple):
         return self.corner + self.along * u + self.across * v
 
 
-class Rectangle(NamedTuple):
-    """A rectangle in pixels, whole numbers at the centres, turned clockwise by radians."""
+class PixelRectangle(NamedTuple):
+    """Rectangle in pixels, whole numbers at the centres, turned clockwise by radians."""
 
     u: float
     v: float
@@ -48,18 +48,18 @@ class Rectangle(NamedTuple):
             0.5 + (du * sin + dv * cos) / self.depth,
         )
 
-    def grown(self, west: float, east: float, south: float, north: float) -> Rectangle:
+    def grown(self, west: float, east: float, south: float, north: float) -> PixelRectangle:
         """Return the rectangle with its own sides moved out."""
         cos, sin = math.cos(self.turn), math.sin(self.turn)
         right, up = (east - west) / 2, (north - south) / 2
-        return Rectangle(
+        return PixelRectangle(
             self.u + right * cos + up * sin, self.v - right * sin + up * cos,
             self.width + west + east, self.depth + south + north, self.turn,
         )  # fmt: skip
 
     @property
     def reach(self) -> tuple[float, float]:
-        """How far it reaches from its middle to the east and to the north."""
+        """Distances from the middle to the easternmost and to the northernmost point."""
         cos, sin = abs(math.cos(self.turn)), abs(math.sin(self.turn))
         return (cos * self.width + sin * self.depth) / 2, (sin * self.width + cos * self.depth) / 2
 
@@ -77,7 +77,7 @@ class Rectangle(NamedTuple):
         return row[inside], column[inside]
 
 
-def around(points: Floats) -> Rectangle | None:
+def around(points: Floats) -> PixelRectangle | None:
     """Least rectangle around points, (n, 2), turned by at most 45°; None around a line."""
     hull = shapely.convex_hull(shapely.multipoints(points))
     if hull.geom_type != "Polygon":
@@ -99,7 +99,7 @@ def around(points: Floats) -> Rectangle | None:
     u, v = (0.5 * (low + high))[:, best].tolist()
     width, depth = (high - low)[:, best].tolist()
     cosine, sine = math.cos(turn), math.sin(turn)
-    return Rectangle(
+    return PixelRectangle(
         float(middle[0]) + u * cosine + v * sine, float(middle[1]) - u * sine + v * cosine,
         width, depth, turn,
     )  # fmt: skip
