@@ -112,6 +112,9 @@ def mesh_columns(points: Floats, faces: NDArray[np.int32], asked: Mask, near: fl
     up = -hits.up if hits.up[begins].sum() < 0 else hits.up
     winding = _running(up, begins, group)
     last = winding[ends - 1]
+    # a sheet that is there twice is one
+    twice = ~first & (hits.z == np.roll(hits.z, 1)) & (up > 0) & (hits.z == hits.z[ends - 1][group])
+    last = last - np.add.reduceat(twice.astype(np.int64), begins)
     outward = np.minimum.reduceat(winding, begins) >= 0
     clean, sheets = outward & (last <= 1), outward & (last > 1)
     # what faces the wrong way is counted in turn, if it ends as the other columns do

@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-MOST_PIXELS = 1 << 24
+MOST_PIXELS = 1 << 22
 """Most pixels of a mesh whose overhangs are looked at."""
 
 MOST_BODIES = 1000

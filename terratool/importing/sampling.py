@@ -109,7 +109,12 @@ def sample(
         holes, beyond = kernels.count_holes(heights)
         found = FoundOverhangs(None, heights, ())
         few = heights.size <= MOST_PIXELS and 2 * max(heights.shape) <= MAX_CELLS
-        if decks and hidden and few:
+        if decks and hidden and not few:
+            why += (
+                f"Of more than {MOST_PIXELS:,} pixels no decks are made: give a coarser resolution "
+                "or smaller bounds.",
+            )
+        elif decks and hidden:
             found = find_overhangs(points, faces, heights, counts, grid, near)
             hidden = 0 if found.overhangs else hidden
     except MemoryError as error:

@@ -300,6 +300,28 @@ def test_a_sheet_over_a_sheet_is_told_not_made_up(tmp_path: Path) -> None:
     assert any("48 of 504 pixels" in s for s in samples.notes)
 
 
+def test_faces_that_are_there_twice_count_once() -> None:
+    """The whole mesh over again: the same decks, and no word of sheets."""
+    mesh = joined(sheet(level(0)), slab((5, 4), (6, 2), level(3), level(2.5), 25))
+    once, twice = (sample(one, 0.25, decks=True) for one in (mesh, joined(mesh, mesh)))
+    assert once.overhangs is not None
+    assert twice.overhangs is not None
+    assert once.overhangs.bodies == twice.overhangs.bodies == 1
+    np.testing.assert_array_equal(once.overhangs.solid.pixel, twice.overhangs.solid.pixel)
+    np.testing.assert_array_equal(once.overhangs.solid.bottom, twice.overhangs.solid.bottom)
+    np.testing.assert_array_equal(once.values, twice.values)
+    assert not any("sheet" in note for note in twice.notes)
+
+
+def test_too_many_pixels_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("terratool.importing.sampling.MOST_PIXELS", 100)
+    mesh = joined(sheet(level(0)), slab((5, 4), (6, 2), level(3), level(2.5)))
+    samples = sample(mesh, 0.5, decks=True)
+    assert samples.overhangs is None
+    assert any("no decks are made" in note for note in samples.notes)
+    assert any("only the highest is kept" in note for note in samples.notes)
+
+
 def test_a_slab_turned_inside_out_is_told_and_kept(tmp_path: Path) -> None:
     middle, sides = (5.0, 3.0), (4.0, 2.0)
     good = slab((10, 6), (3, 2), level(3), level(2.5))
@@ -388,6 +410,7 @@ def test_the_terrains_of_ours_come_back(tmp_path: Path) -> None:
     check(new, x, y, wanted, 0.03)
 
 
+@pytest.mark.slow
 def test_the_command_says_what_became_decks(tmp_path: Path) -> None:
     mesh = joined(sheet(level(1)), slab((5, 4), (6, 2), level(3), level(2.5), 12))
     path = tmp_path / "mesh.obj"
