@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from terratool.definition.reader import load_definition
+from terratool.errors import DefinitionError
 from terratool.field.terrain import Terrain
 from terratool.importing.terrain.decks import DeckPlan
 from terratool.importing.terrain.request import DeckReport
+from terratool.importing.terrain.writing import BoundError
 
 _PIECE = 1 << 18
 """Pixels whose columns are asked for at once."""
@@ -25,11 +27,17 @@ def measure_decks(path: Path, plan: DeckPlan, max_error: float) -> DeckReport | 
 
     Returns:
         The errors; None where the mesh has nothing over other ground.
+
+    Raises:
+        BoundError: the terrain has errors; no file appears.
     """
     grid, overhangs = plan.grid, plan.overhangs
     if overhangs is None:
         return None
-    terrain = Terrain(load_definition(path))
+    try:
+        terrain = Terrain(load_definition(path))
+    except DefinitionError as error:
+        raise BoundError(f"its decks make errors, {error.message}") from error
     solid = overhangs.solid
     pixels = grid.rows * grid.columns
     begin = np.searchsorted(solid.pixel, np.arange(pixels + 1))
