@@ -154,7 +154,7 @@ class _Search:
         planes = [*_groups(rest, self.coplanar[rest]), *_groups(rest, self.planes[rest])]
         planes = [one for one in planes if (one[0], len(one)) not in self.tried]
         planes.sort(key=lambda one: (-len(one), int(one[0])))
-        for group in planes[: _MOST_PLANES - len(self.tried)]:
+        for group in planes[: max(0, _MOST_PLANES - len(self.tried))]:
             size = int(sizes[pieces[np.searchsorted(rest, group[0])]])
             is_main = len(group) >= max(1, size // _PART)
             if not is_main and len(group) < _FEW:
@@ -252,7 +252,9 @@ class _Search:
                 continue
             faces = DeckFaces(place, *(self._plane(place, one) for one in found))
             row, column = place.pixels(self.rows, self.columns)
-            if len(group) < share * len(row) or not self._is_solid(faces, row, column):
+            if len(group) < share * len(row) or not self._is_flat(faces, group):
+                continue
+            if not self._is_solid(faces, row, column):
                 continue
             held = self._holds(place, u, v)
             if np.count_nonzero(held) < 0.5 * len(group) or not self._is_near(faces, group[held]):
@@ -330,6 +332,21 @@ class _Search:
         off = np.abs(faces.top.at(u, v) - solid.top[group]).max(initial=0.0)
         below = np.abs(faces.under.at(u, v) - solid.bottom[group]).max(initial=0.0)
         return bool(max(off, below) <= _WITHIN * self.error)
+
+    def _is_flat(self, faces: DeckFaces, group: Ints) -> bool:
+        """Whether planes are as high at the corners as faces of the mesh, and do not cross.
+
+        A pixel at a steep edge of a body says little of the plane around it.
+        """
+        points, solid = self.overhangs.points, self.overhangs.solid
+        u, v = np.array([0.0, 1.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0, 1.0])
+        top, under = faces.top.at(u, v), faces.under.at(u, v)
+        for heights, which in ((top, solid.over[group]), (under, solid.under[group])):
+            known = points[self.overhangs.faces[np.unique(which)], 2]
+            low, high = known.min() - self.error, known.max() + self.error
+            if not (low <= heights.min() and heights.max() <= high):
+                return False
+        return bool((top >= under - self.error).all())
 
     def _is_solid(self, faces: DeckFaces, row: Ints, column: Ints) -> bool:
         """Whether the mesh is solid at pixels from one plane to the other, within the error."""
