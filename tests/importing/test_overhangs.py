@@ -322,6 +322,25 @@ def test_too_many_pixels_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
     assert any("only the highest is kept" in note for note in samples.notes)
 
 
+def test_bodies_that_are_too_many_are_solid(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The larger of two slabs is a deck, the other one is solid down to the ground, and counted."""
+    monkeypatch.setattr("terratool.importing.overhangs.MOST_BODIES", 1)
+    parts = [slab((3, 4), (4, 5), level(3), level(2)), slab((10, 6), (2, 3), level(4), level(3.5))]
+    terrain, report = imported(joined(sheet(level(0)), *parts), tmp_path)
+    assert any("over 96 of 2,016 pixels" in note for note in report.notes)
+    assert report.decks is not None
+    assert (report.decks.rectangles, report.decks.other) == (1, 96)
+    check(
+        terrain,
+        np.array([3.1, 10.1, 7.1]),
+        np.array([4.1, 6.1, 6.1]),
+        [[(-math.inf, 0.0), (2, 3)], [(-math.inf, 4.0)], [(-math.inf, 0.0)]],
+        0.01,
+    )
+
+
 def test_a_slab_turned_inside_out_is_told_and_kept(tmp_path: Path) -> None:
     middle, sides = (5.0, 3.0), (4.0, 2.0)
     good = slab((10, 6), (3, 2), level(3), level(2.5))
