@@ -90,7 +90,7 @@ def import_terrain_from(
     if output is not None:
         refuse_name(output)
         _refuse_same(output, source, wanted.surfaces)
-        with _opened(source, transform, options) as heights:
+        with _opened(source, transform, options, wanted.decks) as heights:
             for written in outputs_of(output, wanted, heights.grid):
                 _refuse_same(written, source, wanted.surfaces)
             return import_terrain(heights, output, wanted, overwrite)
@@ -102,7 +102,7 @@ def import_terrain_from(
     wanted = replace(wanted, as_="rows")
     with tempfile.TemporaryDirectory(prefix="terratool-") as folder:
         path = Path(folder, "terrain.json")
-        with _opened(source, transform, options) as heights:
+        with _opened(source, transform, options, wanted.decks) as heights:
             import_terrain(heights, path, wanted)
         return load(source_of(path.read_bytes()))
 
@@ -208,14 +208,17 @@ def _refuse_same(output: str | Path, *sources: object) -> None:
 
 @contextlib.contextmanager
 def _opened(
-    source: AnyHeights, transform: Affine | Sequence[float] | None, options: dict[str, Any]
+    source: AnyHeights,
+    transform: Affine | Sequence[float] | None,
+    options: dict[str, Any],
+    decks: bool,
 ) -> Iterator[HeightSource]:
     """Open a source by its path, or take an array."""
     if not isinstance(source, str | Path):
         yield _array(source, transform, options)
         return
     refuse_transform(transform)
-    with open_source(str(source), fill(SourceOptions, options)) as heights:
+    with open_source(str(source), fill(SourceOptions, options), decks=decks) as heights:
         yield heights
 
 

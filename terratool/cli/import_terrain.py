@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
-from msgspec import Struct
+from msgspec import Struct, convert
 
 from terratool.cli.command import Command, option_group
 from terratool.cli.options import (
@@ -24,12 +24,12 @@ from terratool.cli.terminal import StatusLine, short_name
 from terratool.definition.presets import PRESETS
 from terratool.report.documents import Document
 from terratool.report.numbers import per_cent
-from terratool.report.wording import count_of
+from terratool.report.wording import count_of, join_words
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from terratool.importing.terrain.request import ImportReport
+    from terratool.importing.terrain.request import DeckReport, ImportReport
 
 # equal to the names in terratool.importing.terrain.methods, which is not imported for --help
 _WORK = "reading and writing"
@@ -93,7 +93,7 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
     ),
 )
 @option_group(
-    "What it wears",
+    "What it wears, and what stands over it",
     click.option(
         "--preset", type=WordChoice(PRESETS), metavar="PRESET", help="Its soil, as dry-sand."
     ),
@@ -106,6 +106,11 @@ _METHODS = ("rows", "columns", "nodal-rows", "nodal-columns", "hats")
         "--surfaces",
         metavar="CLASSES.tif",
         help="Take surfaces from a raster of classes; of a LAS: classes.",
+    ),
+    click.option(
+        "--decks/--no-decks",
+        default=True,
+        help="Make decks of bridges and roofs of a mesh.  [default: decks]",
     ),
 )
 @source_options
@@ -138,7 +143,7 @@ def command(source: str, output: str, overwrite: bool, as_json: bool, **values: 
     )
     with contextlib.ExitStack() as stack:
         with StatusLine(f"reading {short_name(source)}"):
-            heights = stack.enter_context(open_source(source, chosen))
+            heights = stack.enter_context(open_source(source, chosen, decks=options.decks))
         for written in outputs_of(output, options, heights.grid):
             _refuse_same(written, source, surfaces)
         pixels = heights.grid.rows * heights.grid.columns
@@ -184,6 +189,17 @@ class ImportErrors(Struct, frozen=True):
     rms: float
 
 
+class DeckDocument(Struct, frozen=True):
+    """Decks of an import and their errors, as JSON."""
+
+    rectangles: int
+    grids: int
+    columns: int
+    top: float
+    under: float
+    other: int
+
+
 class ImportDocument(Document, frozen=True, kw_only=True):
     """Summary of an import, as JSON."""
 
@@ -206,12 +222,15 @@ class ImportDocument(Document, frozen=True, kw_only=True):
     filled: bool
     structures: dict[str, int]
     walls: int
+    decks: DeckDocument | None
     surfaces: dict[str, int]
     notes: tuple[str, ...]
 
 
 def _document(report: ImportReport, output: str) -> ImportDocument:
-    grid, error = report.grid, report.error
+    grid, error, decks = report.grid, report.error, None
+    if report.decks is not None:
+        decks = convert(report.decks, DeckDocument, from_attributes=True)
     return ImportDocument(
         file=output,
         bytes=report.size,
@@ -238,6 +257,7 @@ def _document(report: ImportReport, output: str) -> ImportDocument:
         filled=report.options.fill,
         structures=report.structures,
         walls=report.walls,
+        decks=decks,
         surfaces=report.surfaces,
         notes=tuple(report.notes),
     )
@@ -296,5 +316,26 @@ def as_text(report: ImportReport, output: str) -> Iterator[str]:
         )
     else:
         yield f"Everywhere between them: at most {report.bound:.4g}{unit}"
+    if report.decks is not None:
+        yield from _of_decks(report.decks, report)
     for name, count in report.surfaces.items():
         yield f"{name}: {count_of(count, 'pixel')}"
+
+
+def _of_decks(decks: DeckReport, report: ImportReport) -> Iterator[str]:
+    """Sentences on decks and their errors."""
+    unit, grid = report.grid.behind, report.grid
+    kinds = [(decks.rectangles, "rectangle"), (decks.grids, "grid")]
+    found = join_words([count_of(count, kind) for count, kind in kinds if count]) or "none"
+    area = decks.columns * grid.dx * grid.dy
+    yield f"Decks: {found}, over {count_of(decks.columns, 'pixel')} ({area:.4g} m²)"
+    yield (
+        f"Error of decks at the pixels: tops at most {decks.top:.4g}{unit}, undersides at most "
+        f"{decks.under:.4g}{unit}"
+    )
+    if decks.other:
+        share = per_cent(decks.other / decks.columns, 2)
+        yield (
+            f"Lost: {decks.other:,} of these columns ({share}) have another number of intervals, "
+            "or one farther off."
+        )

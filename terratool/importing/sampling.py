@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
+from terratool.definition.model import MAX_CELLS
 from terratool.errors import ReadError, RequestError
 from terratool.field.terrain import check_overlap
+from terratool.importing.overhangs import MOST_PIXELS, FoundOverhangs, find_overhangs
 from terratool.importing.types import PixelGrid, SampledHeights, Triangles
 from terratool.kernels import importing as kernels
 from terratool.raster.grid import count_pixels, refuse_resolution, resolution_within
@@ -48,8 +50,10 @@ def sample(
     resolution: float | None = None,
     bounds: Bounds | None = None,
     name: str = "the mesh",
+    *,
+    decks: bool = False,
 ) -> SampledHeights:
-    """Sample the highest surface of a mesh at the centres of square pixels.
+    """Sample the highest surface of a mesh at the centres of square pixels, or what is below decks.
 
     Pixels count from the south-west corner of the mesh or of the bounds. A centre on an edge
     belongs to the face, as does one within 1e-9 of a pixel (or a few spacings of doubles, where
@@ -60,6 +64,8 @@ def sample(
         resolution: side of a pixel; if None, a 512th of the longer side or a little more.
         bounds: west, south, east, north of the part to sample; the whole mesh if None.
         name: name of the mesh in messages.
+        decks: whether heights are those of the ground where something stands over other ground,
+            which `overhangs` of the result has then.
 
     Raises:
         ReadError: no face can be seen from above, or a corner is missing or infinite.
@@ -101,6 +107,16 @@ def sample(
         near = _SAME * (high_z - low_z)
         hidden = kernels.count_overhangs(points, faces, near, heights, counts)
         holes, beyond = kernels.count_holes(heights)
+        found = FoundOverhangs(None, heights, ())
+        few = heights.size <= MOST_PIXELS and 2 * max(heights.shape) <= MAX_CELLS
+        if decks and hidden and not few:
+            why += (
+                f"Of more than {MOST_PIXELS:,} pixels no decks are made: give a coarser resolution "
+                "or smaller bounds.",
+            )
+        elif decks and hidden:
+            found = find_overhangs(points, faces, heights, counts, grid, near)
+            hidden = 0 if found.overhangs else hidden
     except MemoryError as error:
         raise RequestError(
             f"{grid.columns:,} × {grid.rows:,} heights do not fit into memory.",
@@ -112,7 +128,8 @@ def sample(
             f"The mesh lies in {coordinates(extent)}. Give a finer resolution or other bounds.",
         )
     losses = _SamplingLosses(grid, vertical_area, flat, outside, len(faces), hidden, holes, beyond)
-    return SampledHeights(grid, heights, (*triangles.notes, *why, *losses.sentences()))
+    notes = (*triangles.notes, *why, *losses.sentences(), *found.notes)
+    return SampledHeights(grid, found.heights, notes, overhangs=found.overhangs)
 
 
 class _SamplingLosses(NamedTuple):

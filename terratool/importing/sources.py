@@ -51,8 +51,15 @@ def _asks_for_cells(options: SourceOptions) -> bool:
 
 
 @contextlib.contextmanager
-def open_source(name: str, options: SourceOptions = _ALL_OF_IT) -> Iterator[HeightSource]:
+def open_source(
+    name: str, options: SourceOptions = _ALL_OF_IT, *, decks: bool = False
+) -> Iterator[HeightSource]:
     """Open a raster, a mesh or a cloud of points as heights at the centres of pixels.
+
+    Args:
+        name: name of the source.
+        options: options of reading.
+        decks: whether heights of a mesh are those of the ground where something stands over it.
 
     Raises:
         ReadError: the source cannot be read, or has no heights.
@@ -69,7 +76,7 @@ def open_source(name: str, options: SourceOptions = _ALL_OF_IT) -> Iterator[Heig
         from terratool.importing.sampling import sample
 
         triangles = read_triangles(name, options.up, options.scale)
-        yield sample(triangles, options.resolution, options.bounds, name)
+        yield sample(triangles, options.resolution, options.bounds, name, decks=decks)
         return
     from terratool.importing.rasters import open_raster
 

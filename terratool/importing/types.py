@@ -17,6 +17,8 @@ from terratool.errors import ReadError
 if TYPE_CHECKING:
     from rasterio.crs import CRS
 
+    from terratool.importing.overhangs import Overhangs
+
 MAX_FACES = 2**26
 """Most faces of a mesh with all instances of its parts."""
 
@@ -112,6 +114,7 @@ class SampledHeights:
         values: (rows, columns) float64 at the pixel centres, row 0 the southernmost, NaN for none.
         classes: reads the class of LAS of each pixel, (rows, columns) int16, -1 for none; None
             without classes.
+        overhangs: what stands over the heights, of a mesh; None where nothing does.
     """
 
     grid: PixelGrid
@@ -119,10 +122,16 @@ class SampledHeights:
     notes: tuple[str, ...] = ()
     stated: StatedPlace = UNSTATED
     classes: Callable[[], NDArray[np.int16]] | None = None
+    overhangs: Overhangs | None = None
 
     def read(self, first: int, count: int) -> NDArray[np.float64]:
         """Return `count` rows from row `first`, (count, columns) float64; NaN for none."""
         return self.values[first : first + count]
+
+
+def overhangs_of(source: HeightSource) -> Overhangs | None:
+    """Return what stands over the heights of a source; None where nothing does."""
+    return source.overhangs if isinstance(source, SampledHeights) else None
 
 
 class SampleRange(NamedTuple):

@@ -27,6 +27,8 @@ from terratool.importing.structure.structures import (
     evaluate,
     primitive_of,
 )
+from terratool.importing.terrain.deck_errors import measure_decks
+from terratool.importing.terrain.decks import DeckPlan, plan_decks
 from terratool.importing.terrain.grids import import_grid
 from terratool.importing.terrain.linking import link_grid
 from terratool.importing.terrain.methods import (
@@ -69,7 +71,7 @@ from terratool.importing.terrain.writing import (
     root_of,
     sink_for,
 )
-from terratool.importing.types import HeightSource, PixelGrid, sample_range
+from terratool.importing.types import HeightSource, PixelGrid, overhangs_of, sample_range
 from terratool.kernels import importing as kernels
 from terratool.output import refuse_existing, stop_on_signals, whole_file
 from terratool.tasks import processors
@@ -161,8 +163,9 @@ def import_terrain(
         summary = summarise_source(source, options, work)
         options, said = options.for_heights(summary.low, summary.high, source.grid)
         summary.notes += said
+        decks = plan_decks(source, options)
         plan = _plan_import(source, summary, options, crew, searching)
-        job = _WritingJob(source, output, summary, options, overwrite, work, crew)
+        job = _WritingJob(source, output, summary, options, overwrite, work, crew, decks)
         try:
             return job.write(plan)
         except BoundError:
@@ -267,6 +270,9 @@ def summarise_source(
     summary.notes = source.notes  # now, as the second reading would count twice
     if raster is not None:
         summary.notes += lacking_note(raster.name, raster.lacking, options.ground)
+    overhangs = overhangs_of(source)
+    if overhangs is not None:
+        summary.high = max(summary.high, float(overhangs.solid.top.max()))
     if options.fill and summary.heights is not None:
         summary.heights = fill_gaps(summary.heights)
     elif options.fill and summary.unknown:
@@ -417,6 +423,7 @@ class _WritingJob:
         overwrite: whether the file may exist already.
         work: gets numbers of pixels done.
         crew: crew that makes texts, paints and compresses them.
+        decks: decks over the DEM.
     """
 
     source: HeightSource
@@ -426,6 +433,7 @@ class _WritingJob:
     overwrite: bool
     work: Progress
     crew: Crew
+    decks: DeckPlan
 
     def write(self, plan: _WritingPlan) -> ImportReport:
         """Write and measure the definition as it was planned.
@@ -448,6 +456,7 @@ class _WritingJob:
                 painter = PartPainter(grid, base, found.texts, transposed, options.pixels)
                 self._write_heights(writer, plan, Checker(painter, added, deviation, error))
                 rows = writer.count - len(found.texts)
+                writer.write_decks(self.decks.texts, self.decks.ignored)
                 root = root_of(grid.rows, grid.columns, base, options.pixels)
                 if options.ground is not None:
                     root["surface"] = options.ground.name
@@ -458,6 +467,7 @@ class _WritingJob:
             if not bound <= options.allowed:
                 raise BoundError(f"an error of {bound:g} came about")
             size = path.stat().st_size
+            measured = measure_decks(path, self.decks, options.allowed)
         return ImportReport(
             grid=grid,
             options=options,
@@ -471,6 +481,7 @@ class _WritingJob:
             surfaces=summary.surfaces,
             size=size,
             notes=summary.notes,
+            decks=measured,
         )
 
     def _write_heights(self, writer: Writer, plan: _WritingPlan, checker: Checker) -> None:

@@ -16,9 +16,12 @@ from rasterio.transform import Affine
 from terratool.definition.layout import canonical
 from terratool.errors import ReadError, RequestError
 from terratool.importing.classes import ClassSource, classes_of
+from terratool.importing.terrain.deck_errors import measure_decks
+from terratool.importing.terrain.decks import DeckPlan, plan_decks
 from terratool.importing.terrain.methods import HeightRounding, step_for
 from terratool.importing.terrain.request import (
     MOST_IN_MEMORY,
+    DeckReport,
     ImportOptions,
     ImportReport,
     Progress,
@@ -35,6 +38,7 @@ from terratool.importing.types import (
     PixelGrid,
     SampledHeights,
     SampleRange,
+    overhangs_of,
     sample_range,
 )
 from terratool.io.bands import Bands
@@ -156,7 +160,11 @@ def import_grid(
     if options.fill:
         source = _filled(source)
     known = height_range(source, work)
+    overhangs = overhangs_of(source)
+    if overhangs is not None:
+        known = known._replace(high=max(known.high, float(overhangs.solid.top.max())))
     options, said = options.for_heights(known.low, known.high, grid)
+    decks = plan_decks(source, options)
     coding = _Coding.of(options.allowed, known.low, known.high)
     error = MeasuredError(grid)
     with contextlib.ExitStack() as stack:
@@ -175,7 +183,8 @@ def import_grid(
             add_ground(options.ground, found.types, found.counts, grid)
         _write_raster(part, source, coding, error, work)
         origin = origin_of(source, options, "a grid", error.largest)
-        text = grid_text(grid, options, {"file": raster.name}, root, found.types, origin)
+        text = grid_text(grid, options, {"file": raster.name}, root, found.types, origin, decks)
+        measured = _measured(part, text, decks, options.allowed)
         packed = output.name.endswith(".gz")
         definition.write_bytes(Source(output.name, text, packed).file_bytes)
     return ImportReport(
@@ -194,7 +203,20 @@ def import_grid(
         raster=raster,
         raster_size=raster.stat().st_size,
         classes=None if options.surfaces is None else classes_path(output),
+        decks=measured,
     )
+
+
+def _measured(raster: Path, text: bytes, decks: DeckPlan, max_error: float) -> DeckReport | None:
+    """Measure decks over a raster that has not its place yet."""
+    if decks.overhangs is None:
+        return None
+    beside = raster.with_name("measured.json")
+    beside.write_bytes(text)
+    try:
+        return measure_decks(beside, decks, max_error)
+    finally:
+        beside.unlink()
 
 
 @dataclass(frozen=True, slots=True)
@@ -338,8 +360,9 @@ def grid_text(
     root: dict[str, Any],
     surfaces: dict[str, dict[str, Any]],
     origin: dict[str, Any],
+    decks: DeckPlan | None = None,
 ) -> bytes:
-    """Text of a definition of one grid.
+    """Text of a definition of one grid, and of decks over it.
 
     Args:
         pixels: pixels of the DEM.
@@ -348,6 +371,7 @@ def grid_text(
         root: members of the root beside its type and its surface.
         surfaces: members of surfaces by name.
         origin: value of `x-source`.
+        decks: decks over the grid.
     """
     root = {"type": "ground", **root}
     found: dict[str, Any] = dict(head_of(pixels, options))
@@ -357,5 +381,12 @@ def grid_text(
         root["surface"] = options.ground.name
     found["x-source"] = origin
     found["elemTypes"] = {"ground": {"grid": grid}}
+    if decks is not None and decks.texts:
+        if decks.ignored:
+            found["x-ignore"] = list(decks.ignored)
+        root["cells"] = list(decks.cells)
+        root["children"] = [msgspec.Raw(text.element) for text in decks.texts]
+        primitives = b",".join(text.primitive for text in decks.texts if text.primitive)
+        found["elemTypes"] |= msgspec.json.decode(b"{%s}" % primitives)
     found["elemTree"] = root
     return canonical(msgspec.json.encode(found).decode()).encode()

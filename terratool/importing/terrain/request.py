@@ -92,6 +92,8 @@ class ImportOptions:
         link: whether the grid is the source itself, a raster beside the definition or below.
         dask: address of a Dask scheduler whose workers make rows, or "local" for as many processes
             on this machine as there are processors; None for none.
+        decks: whether what stands over other ground in a mesh becomes decks; if not, the highest
+            surface is kept.
     """
 
     max_error: float | None = None
@@ -109,6 +111,7 @@ class ImportOptions:
     as_: Literal["rows", "grid"] | None = None
     link: bool = False
     dask: str | None = None
+    decks: bool = True
 
     @property
     def of_rows(self) -> list[str]:
@@ -230,6 +233,28 @@ class ImportOptions:
 
 
 @dataclass(frozen=True, slots=True)
+class DeckReport:
+    """Decks of an import, and their errors at the centres of pixels.
+
+    Attributes:
+        rectangles: number of decks between two planes.
+        grids: number of decks with a grid.
+        columns: number of pixels over which something stands over other ground.
+        top: largest error of a top, in units of the heights.
+        under: largest error of an underside.
+        other: number of these pixels with another number of intervals than the mesh has, or with
+            one that is farther off than the error allows.
+    """
+
+    rectangles: int
+    grids: int
+    columns: int
+    top: float
+    under: float
+    other: int
+
+
+@dataclass(frozen=True, slots=True)
 class ImportReport:
     """Result of an import.
 
@@ -250,6 +275,7 @@ class ImportReport:
         raster_size: size of the raster in bytes.
         classes: raster of the classes beside the file; None where there are none, or they stand in
             the text.
+        decks: decks of a mesh, and their errors; None where nothing stands over other ground.
     """
 
     grid: PixelGrid
@@ -267,6 +293,7 @@ class ImportReport:
     raster: Path | None = None
     raster_size: int = 0
     classes: Path | None = None
+    decks: DeckReport | None = None
 
     @property
     def walls(self) -> bool:

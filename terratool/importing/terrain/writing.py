@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -119,6 +119,8 @@ class Writer:
         self._sink = sink
         self._elements = TextSpool()
         self._first = True
+        self._decks = 0
+        self._ignored: tuple[str, ...] = ()
         self.beyond = False
         text = json.dumps(head, ensure_ascii=False, indent=1)
         sink.write(text.removesuffix("\n}").encode() + b',\n "elemTypes": {')
@@ -136,6 +138,11 @@ class Writer:
                 self._first = False
             if text.element:
                 self._elements.add(text.element)
+
+    def write_decks(self, texts: Sequence[ElementText], ignored: tuple[str, ...]) -> None:
+        """Write decks, and remember the codes of warnings that they draw and that are meant."""
+        self.write(*texts)
+        self._decks, self._ignored = len(texts), ignored
 
     def finish(
         self,
@@ -159,9 +166,10 @@ class Writer:
         if surfaces:
             sink.write(b' "surfTypes": %s,\n' % msgspec.json.encode(surfaces))
         warned = {
-            "TT208": self._elements.count + bool(cover.count) > 1,
+            "TT208": self._elements.count - self._decks + bool(cover.count) > 1,
             "TT210": bool(cover.count) or not root["vScale"],
             "TT306": self.beyond,
+            **dict.fromkeys(self._ignored, True),
         }
         if origin is not None:
             sink.write(b' "x-source": %s,\n' % msgspec.json.encode(origin))
