@@ -145,7 +145,7 @@ def command(
     wanted = SceneOptions(origin=origin_from(options), **options)
     source = None if file == "-" else file
     plan = plan_export(output, targets, wanted, source=source, overwrite=overwrite)
-    terrain = load(file, storeys="noted")
+    terrain = load(file, storeys="kept")
     with StatusLine("meshing") as status:
         reports = plan.write(terrain, status.say)
     if as_json:

@@ -80,9 +80,9 @@ class ExportPlan:
         source = self.source
         stem = "terrain" if source is None else source.stem
         [name] = plain_names([stem], _fits_name, "terrain")
-        scene = Scene(terrain.written_out, name, self.options, progress, self.judge)
+        whole = Scene(terrain.written_out, name, self.options, progress, self.judge)
         for target in self.targets.values():
-            target.check(scene)
+            target.check(whole if target.storeys else whole.ground)
         reports = []
         with (
             os_errors(self.folder),
@@ -90,8 +90,9 @@ class ExportPlan:
             crew_of(self.options.dask, processors()) as crew,
             _make_folder(self.folder),
         ):
-            scene = replace(scene, crew=crew)
+            whole = replace(whole, crew=crew)
             for key, target in self.targets.items():
+                scene = whole if target.storeys else whole.ground
                 with part_folder(self.folder) as part:
                     written = target.write(scene, part)
                     manifest = _manifest(scene, key, written, source)
@@ -361,8 +362,8 @@ def _losses(scene: Scene, written: WrittenFiles) -> Iterator[str]:
     """Yield sentences on what the files lose."""
     yield from scene.terrain.hidden
     if written.meshed:
-        walls, lost = scene.loss.sentences()
-        yield walls
+        *walls, lost = scene.loss.sentences()
+        yield from walls
         apart = "error" in written.facts.get("collision", {})
         yield lost.replace("Lost", "Lost of the mesh, which is only seen", 1) if apart else lost
     yield from written.losses

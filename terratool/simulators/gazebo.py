@@ -22,6 +22,8 @@ _STEP = 0.001
 
 def write(scene: Scene, folder: Path) -> WrittenFiles:
     """Write a model, a world, and an OBJ for each surface or a picture of heights."""
+    if scene.options.heightmap:
+        scene = scene.ground
     model = ET.Element("model", name=scene.name)
     if scene.terrain.descr:
         comment(model, scene.terrain.descr)
@@ -156,6 +158,7 @@ def _picture_losses(
 ) -> list[str]:
     step = found.range / 255
     lines = [
+        *scene.terrain.hidden,
         f"Heights are in steps of {metres(step)}, from 8 bits, at every"
         f" {metres(size[0] / (found.side - 1))} × {metres(size[1] / (found.side - 1))}; walls"
         " become slopes.",

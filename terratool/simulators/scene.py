@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -14,7 +14,7 @@ from terratool.cluster import Crew, Threads
 from terratool.definition.presets import friction_of, preset_of, property_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
-from terratool.mesh.build import GREY, build
+from terratool.mesh.build import GREY
 from terratool.mesh.export import BudgetedMesh, MeshOptions, collapse_degenerate, loss_of, no_ground
 from terratool.mesh.formats.common import (
     NO_COLOR,
@@ -28,6 +28,7 @@ from terratool.mesh.loss import MeshLoss
 from terratool.mesh.normals import with_normals
 from terratool.mesh.origin import zero_of
 from terratool.mesh.plan import plan_of
+from terratool.mesh.stacked import StackParts, build_all, build_parts
 from terratool.mesh.tiles import faces_of
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.raster.grid import Grid
@@ -87,6 +88,13 @@ class Scene:
     crew: Crew = field(default_factory=lambda: Threads(processors()))
 
     @cached_property
+    def ground(self) -> Scene:
+        """The scene without decks and bores, whose terrain names them in `hidden`."""
+        if self.terrain.storeys is None:
+            return self
+        return replace(self, terrain=self.terrain.ground_alone)
+
+    @cached_property
     def built_mesh(self) -> BuiltMesh:
         """Mesh within the error of the options; coordinates are relative to its origin.
 
@@ -98,7 +106,7 @@ class Scene:
     @cached_property
     def grid_patch(self) -> HeightPatch | None:
         """Height field straight from a grid; None where there is more, or the grid is too large."""
-        if not is_one_grid(self.terrain):
+        if self.terrain.storeys is not None or not is_one_grid(self.terrain):
             return None
         self.say("taking the heights of the grid")
         return grid_patch(self.terrain, self.options.max_error)
@@ -111,11 +119,20 @@ class Scene:
         """
         self.say(f"meshing within {metres(error)}")
         self._refuse_faces(error)
-        built = collapse_degenerate(build(self.terrain, error))
+        built = collapse_degenerate(build_all(self.terrain, error))
         if not len(built.mesh.faces):
             raise no_ground()
         self.say(f"{count_of(len(built.mesh.faces), 'face')} within {metres(error)}")
         return built
+
+    def parts_within(self, error: float) -> StackParts | None:
+        """Return ground and storeys apart, within an error; None for a terrain without storeys."""
+        storeys = self.terrain.storeys
+        if storeys is None:
+            return None
+        self.say(f"meshing ground and storeys within {metres(error)}")
+        parts = build_parts(self.terrain, storeys, error)
+        return parts._replace(ground=collapse_degenerate(parts.ground))
 
     def _refuse_faces(self, error: float) -> None:
         """Refuse a mesh of far more faces than simulators take, before it is made.

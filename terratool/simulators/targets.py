@@ -55,11 +55,13 @@ class Target:
             `check`, if it has one, refuses in a moment what cannot be written.
         needs: module that has to be installed, its package, and the extra of terratool that has
             it; empty for nothing.
+        storeys: whether the files have decks and bores, too; others have the ground alone.
     """
 
     title: str
     writer: str
     needs: tuple[str, str, str] | tuple[()] = ()
+    storeys: bool = False
 
     @property
     def write(self) -> Callable[[Scene, Path], WrittenFiles]:
@@ -82,11 +84,11 @@ class Target:
 
 
 TARGETS = {
-    "mujoco": Target("MuJoCo", "mujoco"),
-    "gazebo": Target("Gazebo", "gazebo"),
-    "pybullet": Target("PyBullet", "bullet"),
-    "usd": Target("USD physics", "usd", needs=("pxr", "usd-core", "usd")),
-    "chrono": Target("Project Chrono", "chrono"),
+    "mujoco": Target("MuJoCo", "mujoco", storeys=True),
+    "gazebo": Target("Gazebo", "gazebo", storeys=True),
+    "pybullet": Target("PyBullet", "bullet", storeys=True),
+    "usd": Target("USD physics", "usd", ("pxr", "usd-core", "usd"), storeys=True),
+    "chrono": Target("Project Chrono", "chrono", storeys=True),
     "nav2": Target("Nav2", "nav2"),
     "grid-map": Target("grid_map", "grid_map", ("rosbags", "rosbags", "ros")),
 }

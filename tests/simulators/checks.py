@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -64,6 +64,11 @@ class Ground:
     def height(self, x: Any, y: Any) -> Any:
         at = np.asarray(x) + self.zero[0], np.asarray(y) + self.zero[1]
         return self.terrain.height(*at) - self.zero[2]
+
+    def ends(self, x: Any, y: Any) -> np.ndarray:
+        """Bottom and top of each interval of the columns at points, (…, n, 2), from below."""
+        column = self.terrain.column(np.asarray(x) + self.zero[0], np.asarray(y) + self.zero[1])
+        return np.stack([column.bottom, column.top], axis=-1) - self.zero[2]
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -184,6 +189,40 @@ def check_rays(simulator: Simulator, ground: Ground, error: float, count: int = 
         worst = max(worst, abs(found - float(around[-1])))
     assert worst <= error, f"rays are {worst} off"
     return worst
+
+
+def columns_of(ground: Ground, count: int, seed: int) -> Iterator[tuple[float, float, np.ndarray]]:
+    """Random places that no edge is near, and the ends of their intervals, (n, 2), from below."""
+    around = 2e-3 * np.array([[0, 0], [-1, 0], [0, -1], [1, 0], [0, 1]])
+    for x, y in ground.points(count, seed, 0.01).tolist():
+        ends = ground.ends(*(np.array([x, y]) + around).T)
+        known = ~np.isnan(ends)
+        if (known != known[0]).any():
+            continue
+        finite = np.nan_to_num(ends, neginf=0.0)
+        if np.ptp(finite, axis=0).max(initial=0.0) < 0.02:
+            yield x, y, ends[0][known[0].all(axis=1)]
+
+
+def check_columns(simulator: Simulator, ground: Ground, error: float, count: int = 300) -> int:
+    """Rays up and down from within each gap end at the intervals above and below; those met."""
+    met = 0
+    for x, y, ends in columns_of(ground, count, 7):
+        low = np.append(-np.inf, ends[:, 1]) if not len(ends) or ends[0, 0] > -1e9 else ends[:, 1]
+        high = np.append(ends[:, 0][ends[:, 0] > -1e9], np.inf)
+        for floor, ceiling in zip(low.tolist(), high.tolist(), strict=True):
+            if ceiling - floor < 4 * error:
+                continue
+            z = 0.5 * (max(floor, min(ceiling, 100.0) - 200.0) + min(ceiling, floor + 200.0))
+            for face, way in ((floor, -500.0), (ceiling, 500.0)):
+                hit = simulator.ray([x, y, z], [x, y, z + way])
+                if math.isinf(face):
+                    assert hit is None, f"a ray from {x} {y} {z} ends at {hit}"
+                    continue
+                assert hit is not None, f"a ray from {x} {y} {z} passes {face}"
+                assert abs(hit[2] - face) <= error, f"at {x} {y} it ends at {hit[2]}, not {face}"
+                met += 1
+    return met
 
 
 def check_walls(simulator: Simulator, ground: Ground, error: float, count: int = 25) -> float:
