@@ -47,7 +47,7 @@ _LEVEL = 1e-7
 _FACET = 0.03
 """Least sine of the turn of normals around a plane of fewer than three triangles."""
 _PLAIN = 4.0
-"""Least area of a plane slope that becomes solids, in cells of the coarsest height field."""
+"""Least area of a plane slope that becomes solids at once, in cells of the coarsest height field."""
 _GROUP = 20_000
 """Most triangles of connected ground that becomes solids; more are left to height fields."""
 _LEAN = 8
@@ -150,7 +150,7 @@ def collision_of(
         levels = np.concatenate([levels, parts.over[:, :, 2:].ravel()])
     spoilt = max(_SPOILT * float(np.ptp(levels)), 2.0 * max_error)
     rim = min(_RIM_OF_SEAM * seam, _RIM_OF_SIDE * longest)
-    limits = _Limits(height, spoilt, seam, rim, say)
+    limits = _Limits(height, spoilt, seam, rim, _PLAIN * (longest / CELLS) ** 2, say)
     over: tuple[float, list[Solid]] = (height, [])
     if parts is not None and len(parts.over):
         over = _cover_over_gaps(parts, int(_SHARE * most), limits)
@@ -170,6 +170,7 @@ class _Limits(NamedTuple):
         spoilt: distance that spoils it, so that rather more solids are allowed.
         seam: largest reach of a solid into another surface of the same height.
         rim: largest reach of a solid over the void.
+        area: least area of a plane slope that becomes solids before all that is curved.
         say: function that is called with a phrase at each step.
     """
 
@@ -177,6 +178,7 @@ class _Limits(NamedTuple):
     spoilt: float
     seam: float
     rim: float
+    area: float
     say: Callable[[str], object]
 
 
@@ -209,7 +211,7 @@ class _Task:
         cutting = _Cutting(ground, self.triangles, surfaces, int(_SHARE * most), limits)
         done = cutting.done
         limits.say("finding plane ground")
-        cutting.take_planes(self.joints, _PLAIN * (max(self.extent) / CELLS) ** 2)
+        cutting.take_planes(self.joints)
         limits.say("finding hills and ramps")
         cutting.take_hills(self.groups)
         if done.all():
@@ -312,9 +314,9 @@ class _Cutting:
             self.solids += found
             self.done[part] = True
 
-    def take_planes(self, joints: _Joints, area: float) -> None:
-        """Make level ground, and plane slopes of at least an area, solids, the largest first."""
-        triangles = self.triangles
+    def take_planes(self, joints: _Joints) -> None:
+        """Make level ground, and plane slopes that are large, solids, the largest first."""
+        triangles, area = self.triangles, self.limits.area
         parts = _indices_by_label(components(joints.pairs[joints.plane], len(self.done)))
         bent = np.zeros(len(self.done), np.bool_)
         bent[joints.pairs[joints.bent]] = True
@@ -415,7 +417,7 @@ def _cover_over_gaps(
         parts.gaps.clip(_DEEP, -_DEEP), np.where(void, VOID, parts.floors), joints.sharp
     )
     cutting = _Cutting(gaps, over, surfaces, most, limits)
-    cutting.take_planes(joints, 0.0)
+    cutting.take_planes(joints)
     groups = components(joints.pairs[joints.smooth], len(over))
     cutting.take_hills(groups)
     left = np.flatnonzero(~cutting.done)
