@@ -30,10 +30,12 @@ from terratool.simulators.collision.solids import (
     VOID,
     Budget,
     GroundTriangles,
+    PlanRectangle,
     Solid,
     Tolerance,
     areas_of,
     cover,
+    plan_rectangle,
 )
 
 _VALLEY = 0.3
@@ -391,14 +393,42 @@ class _Cutting:
             limits.say(f"covering what is near walls within {metres(height)}")
 
 
-def _cover_over_gaps(
-    parts: StackParts, most: int, limits: _Limits
-) -> tuple[float, list[Solid]]:
+def level_boxes(parts: StackParts, error: float) -> list[tuple[int, PlanRectangle]]:
+    """Return boxes that are exact for level decks with a level underside, and their surfaces.
+
+    Args:
+        parts: ground and storeys.
+        error: reach of a box into a gap or another surface that is narrower than that.
+    """
+    if not len(parts.over):
+        return []
+    limits = _Limits(error, error, 0.0, 0.0, math.inf, lambda _: None)
+    cutting, joints = _over_gaps(parts, len(parts.over), limits)
+    cutting.take_planes(joints)
+    found = ((solid.surface, plan_rectangle(solid)) for solid in cutting.solids)
+    return [(surface, box) for surface, box in found if box is not None]
+
+
+def _cover_over_gaps(parts: StackParts, most: int, limits: _Limits) -> tuple[float, list[Solid]]:
     """Cover what stands over gaps by about `most` solids; return their distance from it, and them.
 
     A solid may lie within other solid ground, but not in a gap.
     """
     limits.say("covering what stands over gaps")
+    cutting, joints = _over_gaps(parts, most, limits)
+    cutting.take_planes(joints)
+    groups = components(joints.pairs[joints.smooth], len(parts.over))
+    cutting.take_hills(groups)
+    left = np.flatnonzero(~cutting.done)
+    if not len(left):
+        return limits.height, cutting.solids
+    room = max(most - len(cutting.solids), 1)
+    height, found = cutting.cover_rest(parts.over[left], left, groups, room)
+    return height, cutting.solids + found
+
+
+def _over_gaps(parts: StackParts, most: int, limits: _Limits) -> tuple[_Cutting, _Joints]:
+    """Return what stands over gaps, to be cut into solids, and edges between its prisms."""
     over, surfaces = parts.over, parts.surfaces
     corners = over.reshape(-1, 4).copy()
     corners[:, 2:] = corners[:, 2:].round(_ALIKE)
@@ -416,15 +446,7 @@ def _cover_over_gaps(
     gaps = GroundTriangles(
         parts.gaps.clip(_DEEP, -_DEEP), np.where(void, VOID, parts.floors), joints.sharp
     )
-    cutting = _Cutting(gaps, over, surfaces, most, limits)
-    cutting.take_planes(joints)
-    groups = components(joints.pairs[joints.smooth], len(over))
-    cutting.take_hills(groups)
-    left = np.flatnonzero(~cutting.done)
-    height, found = cutting.cover_rest(
-        over[left], left, groups, max(most - len(cutting.solids), 1)
-    ) if len(left) else (limits.height, [])
-    return height, cutting.solids + found
+    return _Cutting(gaps, over, surfaces, most, limits), joints
 
 
 class _Joints(NamedTuple):

@@ -503,9 +503,7 @@ def _line_across(piece: Floats) -> tuple[Floats, float]:
         # many strips, as two are no better than one where the ground is a wave
         wide = np.ptp(corners[:, :2] @ [-normal[1], normal[0]])
         strips = int(np.clip(2.0 * np.ptp(along) / max(wide, 1e-300), _STRIPS, _MOST_STRIPS))
-        score = max(
-            _strip_misses(face, along, strips).mean() for face in _faces_of(corners)
-        )
+        score = max(_strip_misses(face, along, strips).mean() for face in _faces_of(corners))
         if best is None or score < best[0] - 1e-12:
             best = float(score), normal, along
     assert best is not None
