@@ -72,8 +72,6 @@ def faces_on(mesh: Mesh, boxes: list[PlanRectangle], error: float) -> NDArray[np
         local = np.stack([away[..., :2] @ along, away[..., :2] @ across, away[..., 2]], axis=-1)
         half = 0.5 * np.array(size_of(box))
         within = (np.abs(local) <= half + near).all(axis=(1, 2))
-        side = (np.abs(local - half) <= near).all(axis=1) | (np.abs(local + half) <= near).all(
-            axis=1
-        )
-        found[here[within & side.any(axis=1)]] = True
+        sides = [(np.abs(local - end) <= near).all(axis=1) for end in (-half, half)]
+        found[here[within & np.any(sides, axis=(0, 2))]] = True
     return found

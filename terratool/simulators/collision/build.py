@@ -49,7 +49,7 @@ _LEVEL = 1e-7
 _FACET = 0.03
 """Least sine of the turn of normals around a plane of fewer than three triangles."""
 _PLAIN = 4.0
-"""Least area of a plane slope that becomes solids at once, in cells of the coarsest height field."""
+"""Least area of a plane slope that becomes solids first, in cells of a coarsest height field."""
 _GROUP = 20_000
 """Most triangles of connected ground that becomes solids; more are left to height fields."""
 _LEAN = 8

@@ -30,6 +30,10 @@ _SNAP = 1e-7
 """Distance below which a point is on a cut, or two heights are one, units of the terrain."""
 _NARROW = 2e-5
 """Least width of strips that are cut off, and of gaps that count, units of the terrain."""
+_STRAIGHT = 1e-6
+"""Distance of a corner from a straight edge below which it lies in it, over gaps, units."""
+_LEVEL = 1e-9
+"""Tangent of a slope below which a plane over a gap is level."""
 _CUTS = 12
 """Most edges that are tried as cuts of a piece."""
 _CONSIDERED = 256
@@ -99,6 +103,11 @@ class _Plane(NamedTuple):
     def cosine(self) -> float:
         """Cosine of the slope."""
         return 1.0 / math.sqrt(1.0 + self.a * self.a + self.b * self.b)
+
+    @property
+    def slope(self) -> float:
+        """Tangent of the slope."""
+        return math.hypot(self.a, self.b)
 
     def at(self, points: Floats) -> Floats:
         """Return heights of the plane at points, (…, 2 or 3)."""
@@ -265,9 +274,16 @@ def _single_solid(
         hull = _hull(corners[:, :2])
         bad = none if alone else _obstructions(ground, hull, planes, surface, tolerance)
         if not len(bad):
-            ring = shapely.get_coordinates(hull)[:-1]
-            if not shapely.is_ccw(shapely.get_exterior_ring(hull)):
+            boxed = None
+            if len(planes) > 1 and max(plane.slope for plane in planes) < _LEVEL:
+                boxed = hull.minimum_rotated_rectangle  # posts may have taken its corners
+                if len(_obstructions(ground, boxed, planes, surface, tolerance)):
+                    boxed = None
+            ring = shapely.get_coordinates(boxed or hull)[:-1]
+            if not shapely.is_ccw(shapely.get_exterior_ring(boxed or hull)):
                 ring = ring[::-1]
+            if len(planes) > 1:
+                ring = _straightened(ring)
             solid = _solid_under(ring, planes[0], corners, surface, tolerance.height)
             if len(planes) > 1:
                 low = np.minimum(planes[1].at(ring), solid.top[:, 2])
@@ -281,7 +297,7 @@ def _single_solid(
         hull = _hull(corners[:, :2])
         rim = hull.buffer(-tolerance.rim, join_style="mitre")
         near = ground.tree.query(rim, predicate="intersects")
-        void = (ground.surfaces[near] == VOID).any()
+        void = len(planes) == 1 and (ground.surfaces[near] == VOID).any()
         if not void and _fills(piece, hull.buffer(-tolerance.wall, join_style="mitre")):
             return Solid(corners[:, :3], False, surface, _underside(corners)), none
     return None, none
@@ -350,6 +366,19 @@ def _solid_under(
 def _hull(points: Floats) -> Any:
     """Return the convex hull of points, (n, 2), by way of a line, which is faster."""
     return shapely.convex_hull(shapely.linestrings(np.concatenate([points, points[:1]])))
+
+
+def _straightened(ring: Floats) -> Floats:
+    """Return a convex ring, (n, 2), without corners that are all but straight.
+
+    Where several meshes are laid over each other, places on a straight edge are rounded apart.
+    """
+    into, out = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+    turn = np.arctan2(into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0], (into * out).sum(axis=1))
+    ring = np.roll(ring, -int(np.argmax(turn)), axis=0)
+    line = shapely.linestrings(np.concatenate([ring, ring[:1]]))
+    straight = shapely.get_coordinates(shapely.simplify(line, _STRAIGHT))[:-1]
+    return straight if len(straight) > 2 else ring
 
 
 def _is_narrow(piece: Floats) -> bool:
