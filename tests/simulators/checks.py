@@ -213,7 +213,7 @@ def check_columns(simulator: Simulator, ground: Ground, error: float, count: int
         for floor, ceiling in zip(low.tolist(), high.tolist(), strict=True):
             if ceiling - floor < 4 * error:
                 continue
-            z = 0.5 * (max(floor, min(ceiling, 100.0) - 200.0) + min(ceiling, floor + 200.0))
+            z = float(np.clip(0.5 * (max(floor, -9.0) + min(ceiling, 9.0)), floor, ceiling))
             for face, way in ((floor, -500.0), (ceiling, 500.0)):
                 hit = simulator.ray([x, y, z], [x, y, z + way])
                 if math.isinf(face):
@@ -223,6 +223,61 @@ def check_columns(simulator: Simulator, ground: Ground, error: float, count: int
                 assert abs(hit[2] - face) <= error, f"at {x} {y} it ends at {hit[2]}, not {face}"
                 met += 1
     return met
+
+
+def check_casts(simulator: Simulator, ground: Ground, error: float, count: int = 300) -> int:
+    """Slanted rays from gaps end where `Terrain.cast` has it; the number of those that hit."""
+    rng = np.random.default_rng(12)
+    begins, ways = [], []
+    for x, y, ends in columns_of(ground, 4 * count, 11):
+        floors = ends[:, 1]
+        ceilings = np.append(ends[1:, 0], floors[-1:] + 3.0)
+        for floor, ceiling in zip(floors.tolist(), ceilings.tolist(), strict=True):
+            begins.append([x, y, floor + rng.uniform(0.2, 0.8) * (ceiling - floor)])
+            ways.append(rng.normal(size=3) * (1.0, 1.0, 0.5))
+    begin, way = np.array(begins[:count]), np.array(ways[:count])
+    way /= np.linalg.norm(way, axis=1)[:, None]
+    # what an edge is near may be met or missed
+    jitter = np.concatenate([np.zeros((1, 3)), rng.uniform(-2e-3, 2e-3, (8, 3))])
+    far = ground.terrain.cast(begin + ground.zero + jitter[:, None], way, 50.0).distance
+    known = np.isfinite(far).all(axis=0)
+    known &= np.ptp(np.where(known, far, 0.0), axis=0) < 0.02
+    free = ~np.isfinite(far).any(axis=0)
+    for start, direction, length in zip(begin[known], way[known], far[0][known], strict=True):
+        hit = simulator.ray(start.tolist(), (start + 50.0 * direction).tolist())
+        assert hit is not None, f"a ray from {start} along {direction} passes"
+        off = abs(math.dist(hit, start) - length)
+        assert off <= 8 * error, f"a ray from {start} along {direction} is {off} off"
+    for start, direction in zip(begin[free], way[free], strict=True):
+        hit = simulator.ray(start.tolist(), (start + 50.0 * direction).tolist())
+        assert hit is None, f"a ray from {start} along {direction} ends at {hit}"
+    return int(known.sum())
+
+
+def check_floors(simulator: Simulator, ground: Ground, count: int, error: float = 0.004) -> int:
+    """Spheres rest on each floor at the same x and y; the number of floors with one below."""
+    angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    tried = upper = 0
+    for x, y in ground.points(40 * count, 13, 2 * RADIUS).tolist():
+        ring = 1.3 * RADIUS * np.column_stack([np.cos(angle), np.sin(angle)])
+        ends = ground.ends(*(np.array([x, y]) + np.concatenate([np.zeros((1, 2)), ring])).T)
+        known = ~np.isnan(ends)
+        tops = ends[0, :, 1][known[0, :, 1]]
+        if len(tops) < 2 or (known != known[0]).any():
+            continue
+        level = np.ptp(ends[:, : len(tops), 1], axis=0).max() < 0.01
+        if not level or (ends[0, 1 : len(tops), 0] - tops[:-1]).min() < 3 * RADIUS:
+            continue
+        for top in tops.tolist():
+            found = simulator.drop(x, y, top, RADIUS)
+            assert found is not None, f"a sphere falls through {top} at {x} {y}"
+            assert abs(found - top) <= error, f"at {x} {y} it rests at {found}, not {top}"
+        upper += len(tops) - 1
+        tried += 1
+        if tried == count:
+            break
+    assert tried == count
+    return upper
 
 
 def check_walls(simulator: Simulator, ground: Ground, error: float, count: int = 25) -> float:

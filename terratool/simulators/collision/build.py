@@ -402,7 +402,7 @@ def level_boxes(parts: StackParts, error: float) -> list[tuple[int, PlanRectangl
     """
     if not len(parts.over):
         return []
-    limits = _Limits(error, error, 0.0, 0.0, math.inf, lambda _: None)
+    limits = _Limits(error, error, error, _RIM_OF_SEAM * error, math.inf, lambda _: None)
     cutting, joints = _over_gaps(parts, len(parts.over), limits)
     cutting.take_planes(joints)
     found = ((solid.surface, plan_rectangle(solid)) for solid in cutting.solids)
