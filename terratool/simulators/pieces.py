@@ -70,7 +70,9 @@ def write_contacts(
             found.append(SurfaceContact(None, boxes))
         else:
             (folder / CONTACTS).mkdir(exist_ok=True)
-            left = replace(part, faces=part.faces[kept], normals=None)
+            # Gazebo reads no mesh without normals
+            normals = None if part.normals is None else part.normals[kept]
+            left = replace(part, faces=part.faces[kept], normals=normals)
             write_obj(_piece(scene.mesh, left, one), folder / CONTACTS / file, scene.terrain.descr)
             found.append(SurfaceContact(f"{CONTACTS}/{file}", boxes))
     return found
