@@ -39,7 +39,7 @@ def write_pieces(scene: Scene, folder: Path) -> list[tuple[Material, str]]:
 
 
 class SurfaceContact(NamedTuple):
-    """What of a surface collides.
+    """Mesh and boxes of a surface that collide.
 
     Attributes:
         file: mesh; None where boxes stand for all of its faces.

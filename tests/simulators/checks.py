@@ -213,7 +213,8 @@ def check_columns(simulator: Simulator, ground: Ground, error: float, count: int
         for floor, ceiling in zip(low.tolist(), high.tolist(), strict=True):
             if ceiling - floor < 4 * error:
                 continue
-            z = float(np.clip(0.5 * (max(floor, -9.0) + min(ceiling, 9.0)), floor, ceiling))
+            near = max(floor, min(ceiling - 1.0, 0.0)), min(ceiling, max(floor + 1.0, 0.0))
+            z = 0.5 * sum(near)
             for face, way in ((floor, -500.0), (ceiling, 500.0)):
                 hit = simulator.ray([x, y, z], [x, y, z + way])
                 if math.isinf(face):
