@@ -208,6 +208,22 @@ def test_a_sphere_that_falls_on_a_shelf_does_not_reach_the_floor(
         assert below is None if floor is None else below == pytest.approx(floor, abs=0.004)
 
 
+@pytest.mark.parametrize("name", ["mujoco", "pybullet"])
+def test_a_deck_over_void_alone(
+    name: str, load: Callable[[str, Path], Simulator], tmp_path: Path
+) -> None:
+    """There is no ground at all, and one box."""
+    tree = {
+        **SHELVES["elemTree"],
+        "surface": "pit",
+        "children": SHELVES["elemTree"]["children"][:1],
+    }
+    value = {**SHELVES, "elemTree": tree}
+    folder, ground, manifest = written(terrain_of(value), tmp_path / "out", name)
+    assert (manifest["collision"]["box"] if name == "mujoco" else manifest["boxes"]) == 1
+    assert checks.check_columns(load(name, folder), ground, ERROR, 300) > 20
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["mujoco", "pybullet"])
 def test_a_sphere_rolls_through_a_tunnel(
