@@ -1,4 +1,4 @@
-"""Print the table of docs/simulators.md: what MuJoCo collides with in each sample.
+"""Print the tables of docs/simulators.md: what MuJoCo collides with in each sample.
 
 python -m benchmarks.geoms [SAMPLE …]
 """
@@ -16,6 +16,7 @@ from terratool.simulators.export import export_simulators
 SAMPLES = (
     "warehouse", "stairs-and-kerbs", "paper-example", "sandy-cove", "ramp-yard", "wheel-tracks",
     "obstacle-course", "camber-road", "nested-site", "lunar-craters", "dunes", "planetary-site",
+    "car-park", "rack-hall", "gorge",
 )  # fmt: skip
 
 

@@ -259,8 +259,6 @@ class UserTerrain(ShownTerrain):
         source = self.source.name if Path(self.source.name).is_file() else None
         refuse_idle_targets(options.keys(), list(choose_targets(targets)))
         plan = plan_export(folder, targets, wanted, source=source, overwrite=overwrite)
-        if not plan.has_storeys:
-            self.ground_only()
         return plan.write(self)
 
     # --- pictures and pages -----------------------------------------------------------------------

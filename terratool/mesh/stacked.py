@@ -46,6 +46,61 @@ def build_all(
     return _raise(terrain, terrain.storeys, layers, columns, base)
 
 
+class StackParts(NamedTuple):
+    """Ground of a terrain with storeys, what stands over gaps, and the gaps.
+
+    Coordinates are those of the mesh of the ground. Triangles are counter-clockwise from above.
+
+    Attributes:
+        ground: mesh of what is solid from below.
+        over: (n, 3, 4) float64 x, y, top, bottom at the corners of solid prisms over gaps.
+        surfaces: (n,) int32 index of the surface of each top; -1 for none.
+        gaps: (m, 3, 4) float64 x, y, floor, ceiling at the corners of prisms of air; the floor is
+            -inf for the void, the ceiling inf for the sky.
+        floors: (m,) int32 index of the surface of each floor; -1 for none.
+    """
+
+    ground: BuiltMesh
+    over: Floats
+    surfaces: Ints
+    gaps: Floats
+    floors: Ints
+
+
+def build_parts(terrain: Terrain, storeys: Storeys, max_error: float) -> StackParts:
+    """Mesh the ground of a terrain with storeys, with what stands over gaps apart from it."""
+    layers = _layers(terrain, storeys, max_error, None, 0.0)
+    columns = _columns(layers, _cut(layers, Overlay.of(layers.all, layers.bounds)))
+    ground = _raise(terrain, storeys, layers, columns.ground(), None)
+    stacks = columns.stacks
+    place = columns.overlay.corners * layers.plan.pitch
+
+    def prisms(rows: Longs, *faces: Floats) -> Floats:
+        return np.concatenate([place[rows], *(face[..., None] for face in faces)], axis=2)
+
+    thick = (stacks.bottoms >= 0) & (columns.high > columns.low).any(axis=2)
+    over = np.argwhere(thick)
+    row, interval = np.nonzero(stacks.tops >= 0)
+    first = np.flatnonzero(~stacks.grounded)
+    # the air over each interval, then that under all of them where nothing is solid from below
+    rows, above = np.append(row, first), np.append(interval + 1, np.zeros(len(first), np.int64))
+    bottoms = np.pad(columns.low, ((0, 0), (0, 1), (0, 0)), constant_values=np.nan)[rows, above]
+    floors = np.full((len(rows), 3), -np.inf)
+    floors[: len(row)] = columns.high[row, interval]
+    worn = np.full(len(rows), -1, np.int32)
+    worn[: len(row)] = _surfaces(layers, columns, columns.shown, np.column_stack([row, interval]))
+    surfaces = _surfaces(layers, columns, columns.shown, over)
+    for one in (surfaces, worn):
+        one[one >= len(terrain.surfaces)] = -1
+    return StackParts(
+        ground,
+        prisms(over[:, 0], columns.high[tuple(over.T)], columns.low[tuple(over.T)]),
+        surfaces,
+        prisms(rows, floors, np.where(np.isnan(bottoms), np.inf, bottoms)),
+        worn,
+    )
+
+
 # --- layers: the meshes of ground and sheets ------------------------------------------------------
 
 
@@ -168,6 +223,15 @@ class _Columns(NamedTuple):
     shown: Longs
     low: Floats
     high: Floats
+
+    def ground(self) -> _Columns:
+        """The intervals that begin below all."""
+        bottoms, tops = (
+            np.where(self.stacks.grounded, ends[:, 0], NONE)[:, None] for ends in self.stacks
+        )
+        high = np.where(self.stacks.grounded[:, None, None], self.high[:, :1], np.nan)
+        stacks = Stacks(bottoms, tops)
+        return _Columns(self.overlay, stacks, self.shown[:, :1], self.low[:, :1], high)
 
 
 def _storeys_at(layers: _Layers, found: Ints) -> Bools:

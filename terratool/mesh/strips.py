@@ -70,6 +70,9 @@ def raise_sides(sides: StackSides) -> StackWalls:
     """Walls wherever there is something solid on one side of an edge alone."""
     edges = _edges_that_differ(sides)
     ends = _in_order(_ends_of(sides, edges))
+    if not len(ends):  # all is void
+        none = np.empty(0, np.int64)
+        return StackWalls(np.empty((0, 3), np.int32), none, none, none, none, none.astype(np.bool_))
     bad = np.flatnonzero((ends[1:, 0] == ends[:-1, 0]) & (ends[1:, 2] < ends[:-1, 2]))
     crossed = np.unique(ends[bad, 0])
     if len(crossed):

@@ -72,11 +72,6 @@ class ExportPlan:
     judge: Judge | None
     source: Path | None
 
-    @property
-    def has_storeys(self) -> bool:
-        """Whether the files of all targets have decks and bores."""
-        return all(target.storeys for target in self.targets.values())
-
     def write(
         self, terrain: Terrain, progress: Callable[[str], object] = lambda _: None
     ) -> tuple[SimulatorReport, ...]:
@@ -85,9 +80,9 @@ class ExportPlan:
         source = self.source
         stem = "terrain" if source is None else source.stem
         [name] = plain_names([stem], _fits_name, "terrain")
-        whole = Scene(terrain.written_out, name, self.options, progress, self.judge)
+        scene = Scene(terrain.written_out, name, self.options, progress, self.judge)
         for target in self.targets.values():
-            target.check(whole if target.storeys else _ground_of(whole))
+            target.check(scene)
         reports = []
         with (
             os_errors(self.folder),
@@ -95,10 +90,8 @@ class ExportPlan:
             crew_of(self.options.dask, processors()) as crew,
             _make_folder(self.folder),
         ):
-            whole = replace(whole, crew=crew)
-            ground = _ground_of(whole)
+            scene = replace(scene, crew=crew)
             for key, target in self.targets.items():
-                scene = whole if target.storeys else ground
                 with part_folder(self.folder) as part:
                     written = target.write(scene, part)
                     manifest = _manifest(scene, key, written, source)
@@ -108,12 +101,6 @@ class ExportPlan:
                     _put_in_place(part, self.folder / key)
                 reports.append(SimulatorReport(self.folder / key, manifest))
         return tuple(reports)
-
-
-def _ground_of(scene: Scene) -> Scene:
-    """The scene of the ground without its storeys."""
-    ground = scene.terrain.ground_alone
-    return scene if ground is scene.terrain else replace(scene, terrain=ground)
 
 
 def plan_export(
@@ -374,8 +361,8 @@ def _losses(scene: Scene, written: WrittenFiles) -> Iterator[str]:
     """Yield sentences on what the files lose."""
     yield from scene.terrain.hidden
     if written.meshed:
-        walls, lost = scene.loss.sentences()
-        yield walls
+        *walls, lost = scene.loss.sentences()
+        yield from walls
         apart = "error" in written.facts.get("collision", {})
         yield lost.replace("Lost", "Lost of the mesh, which is only seen", 1) if apart else lost
     yield from written.losses

@@ -7,9 +7,10 @@ from pathlib import Path
 
 from terratool.report.numbers import metres, per_cent
 from terratool.report.wording import count_of
+from terratool.simulators.boxes import BOXES, box_place, size_of, with_boxes
 from terratool.simulators.heightmap import HeightMap, write_heightmap
 from terratool.simulators.markup import child, comment, numbers, one_line, rgba, write_xml
-from terratool.simulators.pieces import write_pieces
+from terratool.simulators.pieces import write_contacts, write_pieces
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import WrittenFiles
 
@@ -22,6 +23,8 @@ _STEP = 0.001
 
 def write(scene: Scene, folder: Path) -> WrittenFiles:
     """Write a model, a world, and an OBJ for each surface or a picture of heights."""
+    if scene.options.heightmap:
+        scene = scene.ground
     model = ET.Element("model", name=scene.name)
     if scene.terrain.descr:
         comment(model, scene.terrain.descr)
@@ -58,29 +61,38 @@ _UNREAD = (
 
 
 def _add_meshes(scene: Scene, link: ET.Element, folder: Path) -> WrittenFiles:
-    """Add a collision and a visual for each surface, both of one file with normals."""
+    """Add a collision and a visual for each surface, and collisions for boxes of level decks."""
     pieces = write_pieces(scene, folder)
-    for one, file in pieces:
+    contacts = write_contacts(scene, folder, pieces)
+    for (one, file), contact in zip(pieces, contacts, strict=True):
         comment(link, f"surface {one.name}: friction {one.friction:.4g}, {one.derivation}")
-        for kind in ("collision", "visual"):
+        for kind, own in (("collision", contact.file), ("visual", file)):
+            if own is None:
+                continue
             shape = child(link, kind, name=f"{one.word}_{kind}")
             child(shape, "pose", f"{numbers(scene.offset)} 0 0 0")
-            child(child(child(shape, "geometry"), "mesh"), "uri", file)
+            child(child(child(shape, "geometry"), "mesh"), "uri", own)
             _add_color(shape, one) if kind == "visual" else _add_contact(shape, one)
-    faces = len(scene.mesh.faces)
+        for number, box in enumerate(contact.boxes):
+            shape = child(link, "collision", name=f"{one.word}_box_{number}")
+            child(shape, "pose", f"{numbers(box_place(scene, box))} 0 0 {box.turn:.9g}")
+            child(child(child(shape, "geometry"), "box"), "size", numbers(size_of(box)))
+            _add_contact(shape, one)
+    faces, boxes = len(scene.mesh.faces), len(scene.boxes)
     return WrittenFiles(
         summary=f"a mesh for each of {count_of(len(pieces), 'surface')} is seen and collides, of"
-        f" {count_of(faces, 'face')} together",
+        f" {count_of(faces, 'face')} together{with_boxes(boxes)}",
         language="sh",
         load=_LOAD,
         notes=(
             *_NOTES,
             "Each surface has a file of its own, which is seen and collides: Gazebo Sim takes the"
             " whole of a file for a collision, whatever `<submesh>` says.",
+            *(BOXES,) * bool(boxes),
             *_RETRO,
         ),
         losses=(_UNREAD.format("meshes"),),
-        facts={"faces": faces},
+        facts={"faces": faces, **({"boxes": boxes} if boxes else {})},
     )
 
 
@@ -156,6 +168,7 @@ def _picture_losses(
 ) -> list[str]:
     step = found.range / 255
     lines = [
+        *scene.terrain.hidden,
         f"Heights are in steps of {metres(step)}, from 8 bits, at every"
         f" {metres(size[0] / (found.side - 1))} × {metres(size[1] / (found.side - 1))}; walls"
         " become slopes.",

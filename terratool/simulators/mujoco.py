@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from terratool.mesh.export import no_ground
 from terratool.mesh.formats.common import points_of, shape_of
-from terratool.mesh.types import BuiltMesh
 from terratool.report.numbers import metres
 from terratool.report.wording import count_of
 from terratool.simulators.collision.build import Collision, collision_of
@@ -176,10 +175,15 @@ class _CollisionGeoms:
     def add(self) -> _Told:
         """Add solids and height fields that collide, and are not seen."""
         options, scene = self._scene.options, self._scene
-        built, error = self._mesh_to_cut()
-        seam = _SEAM * options.max_error
-        found = collision_of(scene.terrain, built, error, seam, options.max_geoms, scene.say)
-        levels = built.mesh.vertices[:, 2]
+        own, error = self._errors()
+        parts = scene.parts_within(own)
+        if parts is not None:
+            built = parts.ground
+        else:
+            built = scene.built_mesh if own == options.max_error else scene.mesh_within(own)
+        seam, most = _SEAM * options.max_error, options.max_geoms
+        found = collision_of(scene.terrain, built, error, seam, most, scene.say, parts)
+        levels = (built if len(built.mesh.faces) else scene.built_mesh).mesh.vertices[:, 2]
         low, relief = float(levels.min()), float(np.ptp(levels))
         self._base = low - max(_BELOW, _PART * relief)
         self._sunk = low - SINK * max(relief, _BELOW)
@@ -234,17 +238,16 @@ class _CollisionGeoms:
             "height_fields_error": found.worst,
         }
 
-    def _mesh_to_cut(self) -> tuple[BuiltMesh, float]:
-        """Return the mesh that solids are cut from, and the largest error of the solids."""
+    def _errors(self) -> tuple[float, float]:
+        """Return the errors of the mesh that solids are cut from, and of the solids."""
         built, error = self._scene.built_mesh, self._scene.options.max_error
         faces = len(built.mesh.faces)
-        if faces < _FINE:
-            return self._scene.mesh_within(_MESH_SHARE * error), error
+        if _FINE <= faces <= _MANY:
+            return error, error
         if faces > _MANY:  # few geoms cannot stand for so many faces within the error
             coarsest = _COARSEST * float(np.ptp(built.mesh.vertices[:, 2]))
             error = min(error * faces / _FINE, max(error, coarsest))
-            return self._scene.mesh_within(_MESH_SHARE * error), error
-        return built, error
+        return _MESH_SHARE * error, error
 
     def _next_name(self, kind: str) -> str:
         """Count a geom of a kind, and return its name."""
@@ -255,7 +258,7 @@ class _CollisionGeoms:
         contact = _contact(self._scene.material(solid.surface))
         box = plan_rectangle(solid)
         if box is not None:
-            half = 0.5 * (box.top - self._base)
+            half = 0.5 * (box.top - (self._base if box.under is None else box.under))
             turn = (math.cos(0.5 * box.turn), 0.0, 0.0, math.sin(0.5 * box.turn))
             child(
                 self._body, "geom", name=self._next_name("box"), type="box",
@@ -264,9 +267,11 @@ class _CollisionGeoms:
             )  # fmt: skip
             return
         name = self._next_name("mesh")
-        ring = np.concatenate([solid.top, solid.top[:1]])[:, :2]
-        ring = shapely.get_coordinates(shapely.convex_hull(shapely.linestrings(ring)))[:-1]
-        below = np.column_stack([ring, np.full(len(ring), self._base)])
+        below = solid.under
+        if below is None:
+            ring = np.concatenate([solid.top, solid.top[:1]])[:, :2]
+            ring = shapely.get_coordinates(shapely.convex_hull(shapely.linestrings(ring)))[:-1]
+            below = np.column_stack([ring, np.full(len(ring), self._base)])
         middle = solid.top.mean(axis=0)  # vertices are near zero, as MuJoCo keeps them in float32
         corners = np.concatenate([solid.top, below]) - middle
         child(self._asset, "mesh", name=name, vertex=numbers(corners.ravel()))

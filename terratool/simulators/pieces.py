@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from terratool.mesh.formats.common import (
 )
 from terratool.mesh.formats.obj import write_obj
 from terratool.mesh.types import CornerNormals, Mesh
+from terratool.simulators.boxes import CONTACTS, faces_on
+from terratool.simulators.collision.solids import PlanRectangle
 from terratool.simulators.scene import Material, Scene
 
 
@@ -33,6 +36,46 @@ def write_pieces(scene: Scene, folder: Path) -> list[tuple[Material, str]]:
     for part, one, file in zip(scene.parts, materials, files, strict=True):
         write_obj(_piece(scene.mesh, part, one), folder / file, scene.terrain.descr)
     return list(zip(materials, files, strict=True))
+
+
+class SurfaceContact(NamedTuple):
+    """Mesh and boxes of a surface that collide.
+
+    Attributes:
+        file: mesh; None where boxes stand for all of its faces.
+        boxes: exact boxes of level decks, in the coordinates of the mesh.
+    """
+
+    file: str | None
+    boxes: list[PlanRectangle]
+
+
+def write_contacts(
+    scene: Scene, folder: Path, pieces: list[tuple[Material, str]]
+) -> list[SurfaceContact]:
+    """Write an OBJ without the faces of boxes for each surface that has such.
+
+    Returns:
+        What collides of each of the surfaces that `write_pieces` has returned.
+    """
+    on = faces_on(scene.mesh, [box for _, box in scene.boxes], scene.options.max_error)
+    found = []
+    for part, (one, file) in zip(scene.parts, pieces, strict=True):
+        boxes = [box for surface, box in scene.boxes if surface == part.surface]
+        own = np.flatnonzero(scene.mesh.surfaces == part.surface)
+        kept = ~on[own]
+        if kept.all():
+            found.append(SurfaceContact(file, boxes))
+        elif not kept.any():
+            found.append(SurfaceContact(None, boxes))
+        else:
+            (folder / CONTACTS).mkdir(exist_ok=True)
+            # Gazebo reads no mesh without normals
+            normals = None if part.normals is None else part.normals[kept]
+            left = replace(part, faces=part.faces[kept], normals=normals)
+            write_obj(_piece(scene.mesh, left, one), folder / CONTACTS / file, scene.terrain.descr)
+            found.append(SurfaceContact(f"{CONTACTS}/{file}", boxes))
+    return found
 
 
 def file_names(materials: Iterable[Material], ending: str) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -14,7 +14,7 @@ from terratool.cluster import Crew, Threads
 from terratool.definition.presets import friction_of, preset_of, property_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
-from terratool.mesh.build import GREY, build
+from terratool.mesh.build import GREY
 from terratool.mesh.export import BudgetedMesh, MeshOptions, collapse_degenerate, loss_of, no_ground
 from terratool.mesh.formats.common import (
     NO_COLOR,
@@ -28,14 +28,17 @@ from terratool.mesh.loss import MeshLoss
 from terratool.mesh.normals import with_normals
 from terratool.mesh.origin import zero_of
 from terratool.mesh.plan import plan_of
+from terratool.mesh.stacked import StackParts, build_all, build_parts
 from terratool.mesh.tiles import faces_of
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.raster.grid import Grid
 from terratool.report.numbers import metres
 from terratool.report.wording import count_of
 from terratool.simulators.cells import cell_grid
+from terratool.simulators.collision.build import level_boxes
 from terratool.simulators.collision.grid_patch import error_of_pixels, grid_patch, is_one_grid
 from terratool.simulators.collision.height_patch import HeightPatch
+from terratool.simulators.collision.solids import PlanRectangle
 from terratool.simulators.options import SceneOptions
 from terratool.tasks import processors
 from terratool.traversability.judge import CellVerdict, Judge
@@ -87,6 +90,13 @@ class Scene:
     crew: Crew = field(default_factory=lambda: Threads(processors()))
 
     @cached_property
+    def ground(self) -> Scene:
+        """The scene without decks and bores, whose terrain names them in `hidden`."""
+        if self.terrain.storeys is None:
+            return self
+        return replace(self, terrain=self.terrain.ground_alone)
+
+    @cached_property
     def built_mesh(self) -> BuiltMesh:
         """Mesh within the error of the options; coordinates are relative to its origin.
 
@@ -98,7 +108,7 @@ class Scene:
     @cached_property
     def grid_patch(self) -> HeightPatch | None:
         """Height field straight from a grid; None where there is more, or the grid is too large."""
-        if not is_one_grid(self.terrain):
+        if self.terrain.storeys is not None or not is_one_grid(self.terrain):
             return None
         self.say("taking the heights of the grid")
         return grid_patch(self.terrain, self.options.max_error)
@@ -111,11 +121,26 @@ class Scene:
         """
         self.say(f"meshing within {metres(error)}")
         self._refuse_faces(error)
-        built = collapse_degenerate(build(self.terrain, error))
+        built = collapse_degenerate(build_all(self.terrain, error))
         if not len(built.mesh.faces):
             raise no_ground()
         self.say(f"{count_of(len(built.mesh.faces), 'face')} within {metres(error)}")
         return built
+
+    def parts_within(self, error: float) -> StackParts | None:
+        """Return ground and storeys apart, within an error; None for a terrain without storeys."""
+        storeys = self.terrain.storeys
+        if storeys is None:
+            return None
+        self.say(f"meshing ground and storeys within {metres(error)}")
+        parts = build_parts(self.terrain, storeys, error)
+        return parts._replace(ground=collapse_degenerate(parts.ground))
+
+    @cached_property
+    def boxes(self) -> list[tuple[int, PlanRectangle]]:
+        """Exact boxes of level decks, in the coordinates of the mesh, and their surfaces."""
+        parts = self.parts_within(self.options.max_error)
+        return [] if parts is None else level_boxes(parts, self.options.max_error)
 
     def _refuse_faces(self, error: float) -> None:
         """Refuse a mesh of far more faces than simulators take, before it is made.

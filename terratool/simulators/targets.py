@@ -55,13 +55,11 @@ class Target:
             `check`, if it has one, refuses in a moment what cannot be written.
         needs: module that has to be installed, its package, and the extra of terratool that has
             it; empty for nothing.
-        storeys: whether the files have decks and bores.
     """
 
     title: str
     writer: str
     needs: tuple[str, str, str] | tuple[()] = ()
-    storeys: bool = False
 
     @property
     def write(self) -> Callable[[Scene, Path], WrittenFiles]:
@@ -87,10 +85,10 @@ TARGETS = {
     "mujoco": Target("MuJoCo", "mujoco"),
     "gazebo": Target("Gazebo", "gazebo"),
     "pybullet": Target("PyBullet", "bullet"),
-    "usd": Target("USD physics", "usd", needs=("pxr", "usd-core", "usd")),
+    "usd": Target("USD physics", "usd", ("pxr", "usd-core", "usd")),
     "chrono": Target("Project Chrono", "chrono"),
-    "nav2": Target("Nav2", "nav2", storeys=True),
-    "grid-map": Target("grid_map", "grid_map", ("rosbags", "rosbags", "ros"), storeys=True),
+    "nav2": Target("Nav2", "nav2"),
+    "grid-map": Target("grid_map", "grid_map", ("rosbags", "rosbags", "ros")),
 }
 
 

@@ -75,8 +75,10 @@ def test_notes_of_reports(bridge: Path, tmp_path: Path) -> None:
     assert ran.err == "" and json.loads(ran.out)["notes"] == []
 
 
-def test_a_simulator_keeps_it_with_its_losses(bridge: Path, tmp_path: Path) -> None:
-    ran = call("export-sim", bridge, tmp_path / "sim", "--target", "gazebo", "--json")
+def test_a_picture_of_heights_keeps_it_with_its_losses(bridge: Path, tmp_path: Path) -> None:
+    ran = call(
+        "export-sim", bridge, tmp_path / "sim", "--target", "gazebo", "--heightmap", "--json"
+    )
     assert ran.err == "" and json.loads(ran.out)["targets"]["gazebo"]["losses"][0] == NOTE
     assert NOTE in (tmp_path / "sim/gazebo/README.md").read_text("utf-8")
 

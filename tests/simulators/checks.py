@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -64,6 +64,11 @@ class Ground:
     def height(self, x: Any, y: Any) -> Any:
         at = np.asarray(x) + self.zero[0], np.asarray(y) + self.zero[1]
         return self.terrain.height(*at) - self.zero[2]
+
+    def ends(self, x: Any, y: Any) -> np.ndarray:
+        """Bottom and top of each interval of the columns at points, (…, n, 2), from below."""
+        column = self.terrain.column(np.asarray(x) + self.zero[0], np.asarray(y) + self.zero[1])
+        return np.stack([column.bottom, column.top], axis=-1) - self.zero[2]
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -184,6 +189,96 @@ def check_rays(simulator: Simulator, ground: Ground, error: float, count: int = 
         worst = max(worst, abs(found - float(around[-1])))
     assert worst <= error, f"rays are {worst} off"
     return worst
+
+
+def columns_of(ground: Ground, count: int, seed: int) -> Iterator[tuple[float, float, np.ndarray]]:
+    """Random places that no edge is near, and the ends of their intervals, (n, 2), from below."""
+    around = 2e-3 * np.array([[0, 0], [-1, 0], [0, -1], [1, 0], [0, 1]])
+    for x, y in ground.points(count, seed, 0.01).tolist():
+        ends = ground.ends(*(np.array([x, y]) + around).T)
+        known = ~np.isnan(ends)
+        if (known != known[0]).any():
+            continue
+        finite = np.nan_to_num(ends, neginf=0.0)
+        if np.ptp(finite, axis=0).max(initial=0.0) < 0.02:
+            yield x, y, ends[0][known[0].all(axis=1)]
+
+
+def check_columns(simulator: Simulator, ground: Ground, error: float, count: int = 300) -> int:
+    """Rays up and down from within each gap end at the intervals above and below; those met."""
+    met = 0
+    for x, y, ends in columns_of(ground, count, 7):
+        low = np.append(-np.inf, ends[:, 1]) if not len(ends) or ends[0, 0] > -1e9 else ends[:, 1]
+        high = np.append(ends[:, 0][ends[:, 0] > -1e9], np.inf)
+        for floor, ceiling in zip(low.tolist(), high.tolist(), strict=True):
+            if ceiling - floor < 4 * error:
+                continue
+            near = max(floor, min(ceiling - 1.0, 0.0)), min(ceiling, max(floor + 1.0, 0.0))
+            z = 0.5 * sum(near)
+            for face, way in ((floor, -500.0), (ceiling, 500.0)):
+                hit = simulator.ray([x, y, z], [x, y, z + way])
+                if math.isinf(face):
+                    assert hit is None, f"a ray from {x} {y} {z} ends at {hit}"
+                    continue
+                assert hit is not None, f"a ray from {x} {y} {z} passes {face}"
+                assert abs(hit[2] - face) <= error, f"at {x} {y} it ends at {hit[2]}, not {face}"
+                met += 1
+    return met
+
+
+def check_casts(simulator: Simulator, ground: Ground, error: float, count: int = 300) -> int:
+    """Slanted rays from gaps end where `Terrain.cast` has it; the number of those that hit."""
+    rng = np.random.default_rng(12)
+    begins, ways = [], []
+    for x, y, ends in columns_of(ground, 4 * count, 11):
+        floors = ends[:, 1]
+        ceilings = np.append(ends[1:, 0], floors[-1:] + 3.0)
+        for floor, ceiling in zip(floors.tolist(), ceilings.tolist(), strict=True):
+            begins.append([x, y, floor + rng.uniform(0.2, 0.8) * (ceiling - floor)])
+            ways.append(rng.normal(size=3) * (1.0, 1.0, 0.5))
+    begin, way = np.array(begins[:count]), np.array(ways[:count])
+    way /= np.linalg.norm(way, axis=1)[:, None]
+    # what an edge is near may be met or missed
+    jitter = np.concatenate([np.zeros((1, 3)), rng.uniform(-2e-3, 2e-3, (8, 3))])
+    far = ground.terrain.cast(begin + ground.zero + jitter[:, None], way, 50.0).distance
+    known = np.isfinite(far).all(axis=0)
+    known &= np.ptp(np.where(known, far, 0.0), axis=0) < 0.02
+    free = ~np.isfinite(far).any(axis=0)
+    for start, direction, length in zip(begin[known], way[known], far[0][known], strict=True):
+        hit = simulator.ray(start.tolist(), (start + 50.0 * direction).tolist())
+        assert hit is not None, f"a ray from {start} along {direction} passes"
+        off = abs(math.dist(hit, start) - length)
+        assert off <= 8 * error, f"a ray from {start} along {direction} is {off} off"
+    for start, direction in zip(begin[free], way[free], strict=True):
+        hit = simulator.ray(start.tolist(), (start + 50.0 * direction).tolist())
+        assert hit is None, f"a ray from {start} along {direction} ends at {hit}"
+    return int(known.sum())
+
+
+def check_floors(simulator: Simulator, ground: Ground, count: int, error: float = 0.004) -> int:
+    """Spheres rest on each floor at the same x and y; the number of floors with one below."""
+    angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    tried = upper = 0
+    for x, y in ground.points(40 * count, 13, 2 * RADIUS).tolist():
+        ring = 1.3 * RADIUS * np.column_stack([np.cos(angle), np.sin(angle)])
+        ends = ground.ends(*(np.array([x, y]) + np.concatenate([np.zeros((1, 2)), ring])).T)
+        known = ~np.isnan(ends)
+        tops = ends[0, :, 1][known[0, :, 1]]
+        if len(tops) < 2 or (known != known[0]).any():
+            continue
+        level = np.ptp(ends[:, : len(tops), 1], axis=0).max() < 0.01
+        if not level or (ends[0, 1 : len(tops), 0] - tops[:-1]).min() < 3 * RADIUS:
+            continue
+        for top in tops.tolist():
+            found = simulator.drop(x, y, top, RADIUS)
+            assert found is not None, f"a sphere falls through {top} at {x} {y}"
+            assert abs(found - top) <= error, f"at {x} {y} it rests at {found}, not {top}"
+        upper += len(tops) - 1
+        tried += 1
+        if tried == count:
+            break
+    assert tried == count
+    return upper
 
 
 def check_walls(simulator: Simulator, ground: Ground, error: float, count: int = 25) -> float:

@@ -91,6 +91,7 @@ int main(int, char** argv) {
             continue;
         }
         const sdf::Mesh* shape = one->Geom()->MeshShape();
+        if (!shape) continue;  // a box, which the model has already
         const auto* mesh =
             ignition::common::MeshManager::Instance()->Load((folder / shape->Uri()).string());
         ground->AttachMeshShape(one->Name(), *mesh, pose);

@@ -22,6 +22,7 @@ from tests.meshes import HILL, SITE
 from tests.programs import lacking, program
 from tests.simulators import checks
 from tests.simulators.checks import RADIUS, Ground, bytes_of, written
+from tests.simulators.storeyed import SHELVES
 
 PACKAGES = (
     *(f"ignition-physics5{part}" for part in ("", "-sdf", "-mesh", "-heightmap")),
@@ -98,6 +99,23 @@ def test_spheres_rest_on_the_ground(name: str, origin: Any, drop: Drop, tmp_path
     """Within 5 mm, at random places, wherever zero is."""
     folder, ground, _ = written(sample(name), tmp_path / "out", "gazebo", origin=origin)
     assert worst_rest(drop, folder, ground) < 0.005
+
+
+@pytest.mark.slow
+def test_spheres_rest_on_both_floors(drop: Drop, tmp_path: Path) -> None:
+    """On decks that are boxes, and at the same x and y on the floor below."""
+    folder, _, _ = written(terrain_of(SHELVES), tmp_path / "out", "gazebo", origin="world")
+    check_sdf(folder / "world.sdf")
+    places = [
+        (5.6, 1.75, 1.7),
+        (5.6, 1.75, 0.2),
+        (1.8, 2.2, 0.9),
+        (1.8, 2.2, 0.2),
+        (6.7, 4.15, 0.8),
+    ]
+    for place in places:
+        [found] = drop(folder, ["drop {} {} {} {}".format(*place, RADIUS)])
+        assert found == pytest.approx(place[2], abs=0.005)
 
 
 @pytest.mark.nightly

@@ -1,10 +1,14 @@
-"""Cover the ground of a mesh: plane ground, hills, height fields, and the rest at walls."""
+"""Cover the ground of a mesh: plane ground, hills, height fields, and the rest at walls.
+
+What stands over gaps is covered before, by solids alone.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +18,7 @@ from numpy.typing import NDArray
 from terratool.definition.findings import Bounds
 from terratool.field.terrain import Terrain
 from terratool.mesh.components import components
+from terratool.mesh.stacked import StackParts
 from terratool.mesh.triangulate import delaunay
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.report.numbers import metres
@@ -25,10 +30,12 @@ from terratool.simulators.collision.solids import (
     VOID,
     Budget,
     GroundTriangles,
+    PlanRectangle,
     Solid,
     Tolerance,
     areas_of,
     cover,
+    plan_rectangle,
 )
 
 _VALLEY = 0.3
@@ -42,7 +49,7 @@ _LEVEL = 1e-7
 _FACET = 0.03
 """Least sine of the turn of normals around a plane of fewer than three triangles."""
 _PLAIN = 4.0
-"""Least area of a plane slope that becomes solids, in cells of the coarsest height field."""
+"""Least area of a plane slope that becomes solids first, in cells of a coarsest height field."""
 _GROUP = 20_000
 """Most triangles of connected ground that becomes solids; more are left to height fields."""
 _LEAN = 8
@@ -62,7 +69,9 @@ _BORDER = 1e-8
 _HAIR = 1e-7
 """Width by which ground with solids is enlarged, so that rounding leaves no slits."""
 _DEEP = -1e6
-"""Height of the triangles of the void, units of the terrain."""
+"""Height of the triangles of the void, units of the terrain; the sky is as high."""
+_ALIKE = 6
+"""Decimals of heights of corners over gaps that are one."""
 _LEAST = 0.1
 """Least share of the error that is left to solids, whatever the mesh takes of it."""
 _SPARE = 1.25
@@ -76,7 +85,7 @@ _ENOUGH = 0.8
 
 
 class Collision(NamedTuple):
-    """Solids and height fields that stand for the ground.
+    """Solids and height fields that stand for the ground, and solids over gaps.
 
     Attributes:
         solids: convex solids.
@@ -118,6 +127,7 @@ def collision_of(
     seam: float,
     most: int,
     say: Callable[[str], object] = lambda _: None,
+    parts: StackParts | None = None,
 ) -> Collision:
     """Cover the ground of a mesh by at most `most` solids and height fields.
 
@@ -132,10 +142,46 @@ def collision_of(
         seam: largest reach of a solid into another surface of the same height.
         most: most solids and height fields.
         say: function that is called with a phrase at each step.
+        parts: parts of a terrain with storeys, of which the mesh is the ground; None for others.
     """
-    task = _task_of(terrain, built, max_error, seam, say)
-    spoilt = max(_SPOILT * float(np.ptp(built.mesh.vertices[:, 2])), 2.0 * max_error)
-    return task.cover_ground(most, spoilt)
+    height = max(max_error - built.error, _LEAST * max_error)
+    levels = built.mesh.vertices[:, 2]
+    west, south, east, north = terrain.bounds
+    longest = max(east - west, north - south)
+    if parts is not None:
+        levels = np.concatenate([levels, parts.over[:, :, 2:].ravel()])
+    spoilt = max(_SPOILT * float(np.ptp(levels)), 2.0 * max_error)
+    rim = min(_RIM_OF_SEAM * seam, _RIM_OF_SIDE * longest)
+    limits = _Limits(height, spoilt, seam, rim, _PLAIN * (longest / CELLS) ** 2, say)
+    over: tuple[float, list[Solid]] = (height, [])
+    if parts is not None and len(parts.over):
+        over = _cover_over_gaps(parts, int(_SHARE * most), limits)
+    if not len(built.mesh.faces):
+        return Collision(over[1], [], over[0], over[0] > height)
+    task = _task_of(terrain, built, max_error, limits)
+    found = task.cover_ground(max(most - len(over[1]), 1))
+    height = max(found.height, over[0])
+    return Collision(found.solids + over[1], found.patches, height, height > limits.height)
+
+
+class _Limits(NamedTuple):
+    """Limits of solids, units of the terrain.
+
+    Attributes:
+        height: largest distance of solids from what they stand for.
+        spoilt: distance that spoils it, so that rather more solids are allowed.
+        seam: largest reach of a solid into another surface of the same height.
+        rim: largest reach of a solid over the void.
+        area: least area of a plane slope that becomes solids before all that is curved.
+        say: function that is called with a phrase at each step.
+    """
+
+    height: float
+    spoilt: float
+    seam: float
+    rim: float
+    area: float
+    say: Callable[[str], object]
 
 
 @dataclass(frozen=True)
@@ -149,9 +195,7 @@ class _Task:
         groups: (n,) int32 labels of ground that is connected without valleys.
         ends: (k, 2, 2) float64 edges that no height field may cross, whatever that costs.
         extent: west, south, east, north of the ground.
-        height: largest distance of solids from the ground.
-        seam: largest reach of a solid into another surface of the same height.
-        say: function that is called with a phrase at each step.
+        limits: limits of solids.
     """
 
     around: Surroundings
@@ -160,22 +204,20 @@ class _Task:
     groups: Ints
     ends: Floats
     extent: Bounds
-    height: float
-    seam: float
-    say: Callable[[str], object]
+    limits: _Limits
 
-    def cover_ground(self, most: int, spoilt: float) -> Collision:
-        """Cover the ground by at most `most` geoms, or more where it would be off by `spoilt`."""
-        ground, longest = self.around.ground, max(self.extent)
-        rim = min(_RIM_OF_SEAM * self.seam, _RIM_OF_SIDE * longest)
-        done = np.zeros(len(self.triangles), np.bool_)
-        cutting = _Cutting(ground, done, int(_SHARE * most), self.seam, rim)
-        self.say("finding plane ground")
-        cutting.take_planes(self.joints, _PLAIN * (longest / CELLS) ** 2, self.height)
-        self.say("finding hills and ramps")
-        cutting.take_hills(self.groups, self.height)
+    def cover_ground(self, most: int) -> Collision:
+        """Cover the ground by at most `most` geoms, or more where that would spoil it."""
+        ground, limits = self.around.ground, self.limits
+        surfaces = ground.surfaces[: len(self.triangles)]
+        cutting = _Cutting(ground, self.triangles, surfaces, int(_SHARE * most), limits)
+        done = cutting.done
+        limits.say("finding plane ground")
+        cutting.take_planes(self.joints)
+        limits.say("finding hills and ramps")
+        cutting.take_hills(self.groups)
         if done.all():
-            return Collision(cutting.solids, [], self.height)
+            return Collision(cutting.solids, [], limits.height)
         held = shapely.union_all(shapely.polygons(self.triangles[done][:, :, :2]))
         held = held.buffer(_HAIR, join_style="mitre")
         shapely.prepare(held)
@@ -183,19 +225,19 @@ class _Task:
         # where there are too many parts at creases, height fields go on over creases
         if self._count_left_at(around.sharp, done) > (1.0 - _FIELDS) * most - len(cutting.solids):
             around = replace(around, sharp=self.ends)
-        self.say("laying height fields")
-        laid = lay_patches(around, self.extent, int(_FIELDS * most), spoilt)
+        limits.say("laying height fields")
+        laid = lay_patches(around, self.extent, int(_FIELDS * most), limits.spoilt)
         index, pieces = rest_of([one.footing for one in laid], ground)
         left = (index < len(done)) & ~done[np.minimum(index, len(done) - 1)]
         index, pieces = index[left], pieces[left]
         room = (
             most - len(cutting.solids) - sum(len(one.footing.patch.used_surfaces) for one in laid)
         )
-        height, found = self._cover_rest(cutting, index, pieces, max(room, 1), spoilt)
+        height, found = cutting.cover_rest(pieces, index, self.groups, max(room, 1))
         solids = cutting.solids + found
         laid = spread(laid, most - len(solids))
         patches = [one.footing.patch for one in laid if one.footing.patch.used.any()]
-        return Collision(solids, patches, height, height > self.height)
+        return Collision(solids, patches, height, height > limits.height)
 
     def _count_left_at(self, edges: Floats, done: Bools) -> int:
         """Return the number of parts of the ground without a solid that touch edges, (n, 2, 2)."""
@@ -203,51 +245,14 @@ class _Task:
         near = near[near < len(done)]
         return len(np.unique(self.groups[near[~done[near]]]))
 
-    def _cover_rest(
-        self, cutting: _Cutting, index: Indices, pieces: Floats, room: int, spoilt: float
-    ) -> tuple[float, list[Solid]]:
-        """Cover parts of triangles; return the largest distance of solids from them, and solids.
-
-        Where solids are too many the error grows; where that spoils the ground, more are allowed.
-        """
-        labels, surfaces = self.groups[index], self.around.ground.surfaces[index]
-        area, fewest = float(areas_of(pieces).sum()), len(np.unique(labels))
-        height, too_low, spoiling = self.height, 0.0, False
-        if fewest > room:
-            self.say(f"covering {count_of(fewest, 'part')} of the ground at walls")
-        room = max(room, math.ceil(_SPARE * fewest))
-        best: tuple[float, list[Solid]] | None = None
-        while True:
-            budget = Budget(room, area)
-            found = cutting.cover_all(pieces, labels, surfaces, height, budget)
-            if not budget.is_spent:
-                best = height, found
-            elif height >= spoilt:
-                room, spoiling = 2 * room, True
-            else:
-                too_low = height
-            if best is None:
-                height = min(_GROW * height, spoilt)
-            elif (
-                spoiling
-                or not too_low
-                or too_low * _CLOSE >= best[0]
-                or len(best[1]) >= _ENOUGH * room
-            ):
-                return best
-            else:
-                height = math.sqrt(too_low * best[0])
-            self.say(f"covering what is near walls within {metres(height)}")
-
 
 def _task_of(
     terrain: Terrain,
     built: BuiltMesh,
     max_error: float,
-    seam: float,
-    say: Callable[[str], object],
+    limits: _Limits,
 ) -> _Task:
-    """Return the task of covering a mesh, with arguments of `collision_of`."""
+    """Return the task of covering a mesh, with arguments of `collision_of`, and limits."""
     mesh = built.mesh
     west, south, east, north = terrain.bounds
     extent = 0.0, 0.0, east - west, north - south
@@ -266,55 +271,60 @@ def _task_of(
         terrain, mesh.origin[:2], walls, ground.sharp, shapely.Polygon(), ground, max_error
     )
     groups = components(joints.pairs[joints.smooth], len(faces))
-    height = max(max_error - built.error, _LEAST * max_error)
-    return _Task(around, triangles, joints, groups, ends, extent, height, seam, say)
+    return _Task(around, triangles, joints, groups, ends, extent, limits)
 
 
 @dataclass
 class _Cutting:
-    """The ground while it is cut into solids.
+    """The ground, or what stands over gaps, while it is cut into solids.
 
     Attributes:
-        ground: ground; its last triangles are those of the void.
-        done: (n,) bool, whether a triangle of the mesh has its solid.
+        ground: ground; its last triangles are those of the void. Or else the gaps.
+        triangles: (n, 3, 3) triangles of the ground; over gaps (n, 3, 4) prisms.
+        surfaces: (n,) int32 their surfaces.
         most: most solids of plane ground and hills.
-        seam: largest reach of a solid into another surface of the same height.
-        rim: largest reach of a solid over the void.
+        limits: limits of solids.
         solids: solids so far.
+        done: (n,) bool, whether a triangle has its solid.
     """
 
     ground: GroundTriangles
-    done: Bools
+    triangles: Floats
+    surfaces: Ints
     most: int
-    seam: float
-    rim: float
+    limits: _Limits
     solids: list[Solid] = field(default_factory=list)
+
+    @cached_property
+    def done(self) -> Bools:
+        return np.zeros(len(self.triangles), np.bool_)
 
     def tolerance(self, height: float) -> Tolerance:
         """Return the tolerance of solids with roofs up to `height` from the ground."""
-        return Tolerance(height, 0.5 * height, self.seam, self.rim)
+        return Tolerance(height, 0.5 * height, self.limits.seam, self.limits.rim)
 
-    def _take(self, part: NDArray[np.intp], height: float, most: int) -> None:
+    def _take(self, part: NDArray[np.intp], most: int) -> None:
         """Make a part of the ground solids, if it takes at most `most`."""
         most = min(most, self.most - len(self.solids))
-        piece, surface = self.ground.triangles[part], int(self.ground.surfaces[part[0]])
+        piece, surface = self.triangles[part], int(self.surfaces[part[0]])
         if most <= 0:
             return
         budget = Budget(most, float(areas_of(piece).sum()))
-        found = cover(self.ground, [piece], [surface], self.tolerance(height), budget)
+        tolerance = self.tolerance(self.limits.height)
+        found = cover(self.ground, [piece], [surface], tolerance, budget)
         if not budget.is_spent:
             self.solids += found
             self.done[part] = True
 
-    def take_planes(self, joints: _Joints, area: float, height: float) -> None:
-        """Make level ground, and plane slopes of at least an area, solids, the largest first."""
-        triangles = self.ground.triangles[: len(self.done)]
+    def take_planes(self, joints: _Joints) -> None:
+        """Make level ground, and plane slopes that are large, solids, the largest first."""
+        triangles, area = self.triangles, self.limits.area
         parts = _indices_by_label(components(joints.pairs[joints.plane], len(self.done)))
         bent = np.zeros(len(self.done), np.bool_)
         bent[joints.pairs[joints.bent]] = True
         each = areas_of(triangles)
         sizes = np.array([each[part].sum() for part in parts])
-        level = np.ptp(triangles[:, :, 2], axis=1) == 0.0
+        level = (np.ptp(triangles[:, :, 2:], axis=1) == 0.0).all(axis=1)
         for i in np.argsort(-sizes, kind="stable").tolist():
             part = parts[i]
             if level[part[0]]:
@@ -322,13 +332,13 @@ class _Cutting:
             else:
                 plane = sizes[i] >= area and (len(part) > 2 or not bent[part].any())
             if plane:
-                self._take(part, height, self.most)
+                self._take(part, self.most)
 
-    def take_hills(self, groups: Ints, height: float) -> None:
+    def take_hills(self, groups: Ints) -> None:
         """Make connected ground solids, where these are few."""
         for part in _indices_by_label(groups):
             if len(part) <= _GROUP and not self.done[part].all():
-                self._take(part, height, 1 + len(part) // _LEAN)
+                self._take(part, 1 + len(part) // _LEAN)
 
     def cover_all(
         self, pieces: Floats, labels: Ints, surfaces: Ints, height: float, budget: Budget
@@ -338,6 +348,105 @@ class _Cutting:
         worn = [int(surfaces[part[0]]) for part in parts]
         tolerance = self.tolerance(height)
         return cover(self.ground, [pieces[part] for part in parts], worn, tolerance, budget)
+
+    def cover_rest(
+        self, pieces: Floats, index: Indices, groups: Ints, room: int
+    ) -> tuple[float, list[Solid]]:
+        """Cover parts of triangles; return the largest distance of solids from them, and solids.
+
+        Where solids are too many the error grows; where that spoils the ground, more are allowed.
+
+        Args:
+            pieces: (m, 3, k) parts of triangles.
+            index: (m,) triangle of each part.
+            groups: (n,) labels of connected triangles.
+            room: most solids.
+        """
+        limits = self.limits
+        labels, surfaces = groups[index], self.surfaces[index]
+        area, fewest = float(areas_of(pieces).sum()), len(np.unique(labels))
+        height, too_low, spoiling = limits.height, 0.0, False
+        if fewest > room:
+            limits.say(f"covering {count_of(fewest, 'part')} of the ground at walls")
+        room = max(room, math.ceil(_SPARE * fewest))
+        best: tuple[float, list[Solid]] | None = None
+        while True:
+            budget = Budget(room, area)
+            found = self.cover_all(pieces, labels, surfaces, height, budget)
+            if not budget.is_spent:
+                best = height, found
+            elif height >= limits.spoilt:
+                room, spoiling = 2 * room, True
+            else:
+                too_low = height
+            if best is None:
+                height = min(_GROW * height, limits.spoilt)
+            elif (
+                spoiling
+                or not too_low
+                or too_low * _CLOSE >= best[0]
+                or len(best[1]) >= _ENOUGH * room
+            ):
+                return best
+            else:
+                height = math.sqrt(too_low * best[0])
+            limits.say(f"covering what is near walls within {metres(height)}")
+
+
+def level_boxes(parts: StackParts, error: float) -> list[tuple[int, PlanRectangle]]:
+    """Return boxes that are exact for level decks with a level underside, and their surfaces.
+
+    Args:
+        parts: ground and storeys.
+        error: reach of a box into a gap or another surface that is narrower than that.
+    """
+    if not len(parts.over):
+        return []
+    limits = _Limits(error, error, error, _RIM_OF_SEAM * error, math.inf, lambda _: None)
+    cutting, joints = _over_gaps(parts, len(parts.over), limits)
+    cutting.take_planes(joints)
+    found = ((solid.surface, plan_rectangle(solid)) for solid in cutting.solids)
+    return [(surface, box) for surface, box in found if box is not None]
+
+
+def _cover_over_gaps(parts: StackParts, most: int, limits: _Limits) -> tuple[float, list[Solid]]:
+    """Cover what stands over gaps by about `most` solids; return their distance from it, and them.
+
+    A solid may lie within other solid ground, but not in a gap.
+    """
+    limits.say("covering what stands over gaps")
+    cutting, joints = _over_gaps(parts, most, limits)
+    cutting.take_planes(joints)
+    groups = components(joints.pairs[joints.smooth], len(parts.over))
+    cutting.take_hills(groups)
+    left = np.flatnonzero(~cutting.done)
+    if not len(left):
+        return limits.height, cutting.solids
+    room = max(most - len(cutting.solids), 1)
+    height, found = cutting.cover_rest(parts.over[left], left, groups, room)
+    return height, cutting.solids + found
+
+
+def _over_gaps(parts: StackParts, most: int, limits: _Limits) -> tuple[_Cutting, _Joints]:
+    """Return what stands over gaps, to be cut into solids, and edges between its prisms."""
+    over, surfaces = parts.over, parts.surfaces
+    corners = over.reshape(-1, 4).copy()
+    corners[:, 2:] = corners[:, 2:].round(_ALIKE)
+    faces = np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1, 3).astype(np.int32)
+    tops = _joints(over[:, :, :3], surfaces, faces)
+    undersides = _joints(over[:, :, [0, 1, 3]] * (1.0, 1.0, -1.0), surfaces, faces)
+    joints = _Joints(
+        tops.pairs,
+        tops.plane & undersides.plane,
+        tops.smooth & undersides.smooth,
+        tops.bent | undersides.bent,
+        np.concatenate([tops.sharp, undersides.sharp]),
+    )
+    void = np.isneginf(parts.gaps[:, 0, 2])
+    gaps = GroundTriangles(
+        parts.gaps.clip(_DEEP, -_DEEP), np.where(void, VOID, parts.floors), joints.sharp
+    )
+    return _Cutting(gaps, over, surfaces, most, limits), joints
 
 
 class _Joints(NamedTuple):
@@ -431,7 +540,7 @@ def _void(terrain: Terrain, mesh: Mesh, rims: Floats, extent: Bounds) -> Floats:
     found = []
     for face in shapely.get_parts(shapely.polygonize([shapely.union_all(lines)])):
         x, y = shapely.get_coordinates(shapely.point_on_surface(face))[0] + mesh.origin[:2]
-        if not math.isnan(terrain.height(x, y)):
+        if not math.isnan(terrain.ground(x, y)):
             continue
         corners: list[Floats] = []
         edges: list[NDArray[np.int64]] = []

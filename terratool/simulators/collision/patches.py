@@ -78,8 +78,8 @@ class Surroundings:
         return shapely.STRtree(shapely.linestrings(self.sharp))
 
     def height(self, x: Floats, y: Floats) -> Floats:
-        """Return heights of the terrain at x and y; NaN at the void."""
-        return np.asarray(self.terrain.height(x + self.corner[0], y + self.corner[1]))
+        """Return heights of the ground at x and y, floors of bores included; NaN at the void."""
+        return np.asarray(self.terrain.ground(x + self.corner[0], y + self.corner[1]))
 
     def surface(self, x: Floats, y: Floats) -> Ints:
         """Return surface indices at columns x and rows y, which ascend, (rows, columns)."""
@@ -88,8 +88,11 @@ class Surroundings:
         worn = worn[worn != VOID]
         if len(worn) == 1:
             return np.full((len(y), len(x)), worn[0])
-        sample = self.terrain.sample(x[None, :] + self.corner[0], y[:, None] + self.corner[1])
-        return sample.surface
+        at = x[None, :] + self.corner[0], y[:, None] + self.corner[1]
+        if self.terrain.storeys is None:
+            return self.terrain.sample(*at).surface
+        column = self.terrain.column(*at)
+        return np.where(np.isneginf(column.bottom[..., 0]), column.surface[..., 0], -1)
 
 
 @dataclass(frozen=True)

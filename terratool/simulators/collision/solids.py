@@ -1,4 +1,7 @@
-"""Ground as convex solids: a few stand for many triangles of a mesh, within an error."""
+"""Ground, and what stands over gaps, as convex solids: few for many triangles, within an error.
+
+A piece has corners x, y, z of triangles of the ground, or x, y, top, bottom of prisms over a gap.
+"""
 
 from __future__ import annotations
 
@@ -27,6 +30,10 @@ _SNAP = 1e-7
 """Distance below which a point is on a cut, or two heights are one, units of the terrain."""
 _NARROW = 2e-5
 """Least width of strips that are cut off, and of gaps that count, units of the terrain."""
+_STRAIGHT = 1e-6
+"""Distance of a corner from a straight edge below which it lies in it, over gaps, units."""
+_LEVEL = 1e-9
+"""Tangent of a slope below which a plane over a gap is level."""
 _CUTS = 12
 """Most edges that are tried as cuts of a piece."""
 _CONSIDERED = 256
@@ -60,18 +67,20 @@ _LARGE = 2_048
 
 
 class Solid(NamedTuple):
-    """A convex solid between a roof and the base far below.
+    """A convex solid between a roof and an underside, or the base far below.
 
     Attributes:
         top: (n, 3) float64 corners of the roof, which is the upper part of their convex hull; those
             of a flat roof are counter-clockwise seen from above.
         flat: whether the corners lie in a plane.
         surface: index of the surface, -1 for none.
+        under: (m, 3) float64 corners of the underside; None for ground.
     """
 
     top: Floats
     flat: bool
     surface: int
+    under: Floats | None = None
 
 
 class _Plane(NamedTuple):
@@ -95,6 +104,11 @@ class _Plane(NamedTuple):
         """Cosine of the slope."""
         return 1.0 / math.sqrt(1.0 + self.a * self.a + self.b * self.b)
 
+    @property
+    def slope(self) -> float:
+        """Tangent of the slope."""
+        return math.hypot(self.a, self.b)
+
     def at(self, points: Floats) -> Floats:
         """Return heights of the plane at points, (…, 2 or 3)."""
         return np.asarray(self.a * points[..., 0] + self.b * points[..., 1] + self.c)
@@ -102,10 +116,11 @@ class _Plane(NamedTuple):
 
 @dataclass(frozen=True)
 class GroundTriangles:
-    """The ground of a mesh as triangles, with spatial indices.
+    """The ground of a mesh as triangles, or the gaps of one, with spatial indices.
 
     Attributes:
-        triangles: (n, 3, 3) float64 corners, counter-clockwise seen from above.
+        triangles: (n, 3, 3) float64 corners, counter-clockwise seen from above; of gaps (n, 3, 4):
+            x, y, floor, ceiling.
         surfaces: (n,) int32 surface indices, -1 for none, VOID where the ground is far below.
         sharp: (k, 2, 2) float64 ends of walls and creases, seen from above.
     """
@@ -180,11 +195,12 @@ def cover(
     """Cover triangles by convex solids that rise above the ground by no more than is tolerated.
 
     A solid may lie under other, higher ground. Bent ground is cut where that straightens it most;
-    a piece whose solid would stand over lower ground is cut along the edge of that ground.
+    a piece whose solid would stand over lower ground is cut along the edge of that ground. So is
+    what stands over gaps, whose solids may lie within other solid ground, and reach into no gap.
 
     Args:
-        ground: all of the ground.
-        pieces: connected triangles, or parts of triangles, (m, 3, 3) each.
+        ground: all of the ground, or all gaps.
+        pieces: connected triangles, or parts of triangles, (m, 3, 3) each; over gaps (m, 3, 4).
         surfaces: surface index of each piece.
         tolerance: largest distances by which solids may stand out.
         budget: budget of all pieces, which is updated; once it is spent, solids are missing.
@@ -219,7 +235,7 @@ def _cover_piece(
             one for one in piece if areas_of(one[None])[0] > SLIVER and not _is_narrow(one[None])
         ]
         budget.count += len(each) - len(found)
-        return [Solid(one, True, surface) for one in each]
+        return [Solid(one[:, :3], True, surface, _underside(one)) for one in each]
     return found
 
 
@@ -250,30 +266,77 @@ def _single_solid(
     ground: GroundTriangles, piece: Floats, surface: int, tolerance: Tolerance
 ) -> tuple[Solid | None, Floats]:
     """Return the solid that stands for a piece, or triangles in the way of a plane one, if any."""
-    corners = piece.reshape(-1, 3)
-    plane = _fit(corners)
+    corners = _corners_of(piece)
+    planes = _planes(corners)
     none = np.empty((0, 3, 3))
     alone = len(piece) == 1
-    if plane.miss <= tolerance.height or alone:
+    if alone or all(plane.miss <= tolerance.height for plane in planes):
         hull = _hull(corners[:, :2])
-        bad = none if alone else _obstructions(ground, hull, plane, surface, tolerance)
+        bad = none if alone else _obstructions(ground, hull, planes, surface, tolerance)
         if not len(bad):
-            ring = shapely.get_coordinates(hull)[:-1]
-            if not shapely.is_ccw(shapely.get_exterior_ring(hull)):
+            boxed = None
+            if len(planes) > 1 and max(plane.slope for plane in planes) < _LEVEL:
+                boxed = hull.minimum_rotated_rectangle  # posts may have taken its corners
+                if len(_obstructions(ground, boxed, planes, surface, tolerance)):
+                    boxed = None
+            ring = shapely.get_coordinates(boxed or hull)[:-1]
+            if not shapely.is_ccw(shapely.get_exterior_ring(boxed or hull)):
                 ring = ring[::-1]
-            return _solid_under(ring, plane, corners, surface, tolerance.height), none
+            if len(planes) > 1:
+                ring = _straightened(ring)
+            solid = _solid_under(ring, planes[0], corners, surface, tolerance.height)
+            if len(planes) > 1:
+                low = np.minimum(planes[1].at(ring), solid.top[:, 2])
+                solid = solid._replace(under=np.column_stack([ring, low]))
+            return solid, none
         return None, bad
     if not 3 < len(piece) <= _MOST:
         return None, none
     corners = np.unique(corners, axis=0)
-    if kernels.is_roof(piece.reshape(-1, 9), corners, tolerance.height):
+    if _is_convex(piece, corners, tolerance.height):
         hull = _hull(corners[:, :2])
         rim = hull.buffer(-tolerance.rim, join_style="mitre")
         near = ground.tree.query(rim, predicate="intersects")
-        void = (ground.surfaces[near] == VOID).any()
+        void = len(planes) == 1 and (ground.surfaces[near] == VOID).any()
         if not void and _fills(piece, hull.buffer(-tolerance.wall, join_style="mitre")):
-            return Solid(corners, False, surface), none
+            return Solid(corners[:, :3], False, surface, _underside(corners)), none
     return None, none
+
+
+def _is_convex(piece: Floats, corners: Floats, height: float) -> bool:
+    """Whether triangles are the roof of a convex solid, and over a gap the underside of one, too.
+
+    Args:
+        piece: triangles.
+        corners: all corners of them, (n, 3) or (n, 4).
+        height: largest distance of a face from the solid.
+    """
+    faces = zip(_faces_of(piece), _faces_of(corners), (1.0, -1.0), strict=False)
+    return all(
+        kernels.is_roof((tops * (1.0, 1.0, up)).reshape(-1, 9), ends * (1.0, 1.0, up), height)
+        for tops, ends, up in faces
+    )
+
+
+def _faces_of(corners: Floats) -> list[Floats]:
+    """Return x, y, z of corners, (…, 3), at their tops and, over a gap, at their undersides."""
+    columns = ([0, 1, 2], [0, 1, 3])[: corners.shape[-1] - 2]
+    return [np.ascontiguousarray(corners[..., own]) for own in columns]
+
+
+def _corners_of(piece: Floats) -> Floats:
+    """Return all corners of triangles, (3 n, 3) or (3 n, 4)."""
+    return piece.reshape(-1, piece.shape[-1])
+
+
+def _underside(corners: Floats) -> Floats | None:
+    """Return the corners of the underside of what stands over a gap; None for ground."""
+    return corners[:, [0, 1, 3]] if corners.shape[1] > 3 else None
+
+
+def _planes(corners: Floats) -> list[_Plane]:
+    """Return the plane of the tops of corners and, over a gap, that of the undersides."""
+    return [_fit(face) for face in _faces_of(corners)]
 
 
 def _fills(piece: Floats, shape: Any) -> bool:
@@ -305,22 +368,35 @@ def _hull(points: Floats) -> Any:
     return shapely.convex_hull(shapely.linestrings(np.concatenate([points, points[:1]])))
 
 
+def _straightened(ring: Floats) -> Floats:
+    """Return a convex ring, (n, 2), without corners that are all but straight.
+
+    Where several meshes are laid over each other, places on a straight edge are rounded apart.
+    """
+    into, out = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+    turn = np.arctan2(into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0], (into * out).sum(axis=1))
+    ring = np.roll(ring, -int(np.argmax(turn)), axis=0)
+    line = shapely.linestrings(np.concatenate([ring, ring[:1]]))
+    straight = shapely.get_coordinates(shapely.simplify(line, _STRAIGHT))[:-1]
+    return straight if len(straight) > 2 else ring
+
+
 def _is_narrow(piece: Floats) -> bool:
     """Whether a piece is everywhere too narrow to count."""
-    hull = _hull(piece.reshape(-1, 3)[:, :2])
+    hull = _hull(_corners_of(piece)[:, :2])
     return bool(hull.area <= 0.25 * _NARROW * hull.length)
 
 
 def _obstructions(
-    ground: GroundTriangles, hull: Any, plane: _Plane, surface: int, tolerance: Tolerance
+    ground: GroundTriangles, hull: Any, planes: list[_Plane], surface: int, tolerance: Tolerance
 ) -> Floats:
-    """Return triangles of the ground that a plane within a polygon must not cover, (n, 3, 3)."""
+    """Return triangles of the ground that a solid within a polygon must not cover, (n, 3, 3)."""
     near = np.sort(ground.tree.query(hull, predicate="intersects"))
     bad = np.empty((0, 3, 3))
     # where much is near, a sample of it tells enough
     for some in (near[:: max(1, len(near) // _CUT_SAMPLE)], near):
         if not len(bad):
-            bad = _obstructing_parts(ground, some, hull, plane, surface, tolerance)
+            bad = _obstructing_parts(ground, some, hull, planes, surface, tolerance)
     return bad
 
 
@@ -328,15 +404,15 @@ def _obstructing_parts(
     ground: GroundTriangles,
     near: Indices,
     hull: Any,
-    plane: _Plane,
+    planes: list[_Plane],
     surface: int,
     tolerance: Tolerance,
 ) -> Floats:
-    """Return parts of given triangles that a plane within a polygon must not cover, (n, 3, 3)."""
+    """Return parts of given triangles that a solid within a polygon must not cover, (n, 3, 3)."""
     inner = hull.buffer(-tolerance.wall, join_style="mitre")
-    found = ground.triangles[near]
+    found, plane = ground.triangles[near], planes[0]
     # distances are square to the flatter of the two: a steep plane over level ground is a burr
-    cosines = np.maximum(plane.cosine, _cosines(found))[:, None]
+    cosines = np.maximum(plane.cosine, _cosines(found[:, :, :3]))[:, None]
     above = cosines * (plane.at(found) - found[:, :, 2])
     other = ground.surfaces[near] != surface
     bad = []
@@ -352,7 +428,11 @@ def _obstructing_parts(
         over = above[which] - limit
         one = (over > 0.0).any(axis=1)
         parts, _ = _clip(found[which][one], over[one], 1e-12)
-        parts = parts[areas_of(parts) > SLIVER]
+        for under in planes[1:]:  # a gap that ends below the solid is not in its way
+            steep = np.maximum(under.cosine, _cosines(parts[:, :, [0, 1, 3]]))[:, None]
+            reach = steep * (parts[:, :, 3] - under.at(parts)) - (tolerance.height + _SNAP)
+            parts, _ = _clip(parts, reach, 1e-12)
+        parts = parts[areas_of(parts) > SLIVER][:, :, :3]
         bad.append(parts[shapely.intersects(zone, shapely.polygons(parts[:, :, :2]))])
     return np.concatenate(bad) if bad else np.empty((0, 3, 3))
 
@@ -366,7 +446,7 @@ def _cosines(triangles: Floats) -> Floats:
 
 def _cut_bent(ground: GroundTriangles, piece: Floats) -> list[Floats]:
     """Cut a piece in two along a wall or crease in it, or across where it is bent most."""
-    hull = _hull(piece.reshape(-1, 3)[:, :2])
+    hull = _hull(_corners_of(piece)[:, :2])
     inner = hull.buffer(-_NARROW, join_style="mitre")
     near = np.sort(ground.sharp_tree.query(inner, predicate="intersects"))
     best = _best_cut(piece, _edges_within(piece, ground.sharp[near]), _flatness)
@@ -397,15 +477,21 @@ def _edges_within(piece: Floats, edges: Floats) -> Floats:
 def _holds(piece: Floats, points: Floats) -> NDArray[np.bool_]:
     """Whether points lie in a piece seen from above, (k,) bool."""
     inside = np.empty(len(points), np.bool_)
-    kernels.covered_points(piece.reshape(-1, 9), points, inside)
+    triangles = np.ascontiguousarray(piece[:, :, :3])
+    kernels.covered_points(triangles.reshape(-1, 9), points, inside)
     return inside
 
 
 def _flatness(piece: Floats, along: Floats) -> float:
     """Return the sum of planes' misses on both sides of a cut; `along`: (n, 3) distances."""
     east = along.mean(axis=1) > 0
-    sides = piece[east].reshape(-1, 3), piece[~east].reshape(-1, 3)
-    return sum(_fit(side).miss for side in sides if len(side))
+    sides = _corners_of(piece[east]), _corners_of(piece[~east])
+    return sum(_miss(side) for side in sides if len(side))
+
+
+def _miss(corners: Floats) -> float:
+    """Return the largest distance of corners from the plane of their tops, or of undersides."""
+    return max(plane.miss for plane in _planes(corners))
 
 
 def _best_cut(
@@ -433,7 +519,7 @@ def _best_cut(
 def _line_across(piece: Floats) -> tuple[Floats, float]:
     """Return normal and place of a cut in a gap, or across the way a piece is bent most."""
     some = max(1, len(piece) // _BEND_SAMPLE)
-    corners = piece[::some].reshape(-1, 3)
+    corners = _corners_of(piece[::some])
     away = corners[:, :2] - corners[:, :2].mean(axis=0)
     _, axes = np.linalg.eigh(away.T @ away)
     best: tuple[float, Floats, Floats] | None = None
@@ -446,7 +532,7 @@ def _line_across(piece: Floats) -> tuple[Floats, float]:
         # many strips, as two are no better than one where the ground is a wave
         wide = np.ptp(corners[:, :2] @ [-normal[1], normal[0]])
         strips = int(np.clip(2.0 * np.ptp(along) / max(wide, 1e-300), _STRIPS, _MOST_STRIPS))
-        score = _strip_misses(corners, along, strips).mean()
+        score = max(_strip_misses(face, along, strips).mean() for face in _faces_of(corners))
         if best is None or score < best[0] - 1e-12:
             best = float(score), normal, along
     assert best is not None
@@ -458,7 +544,7 @@ def _line_across(piece: Floats) -> tuple[Floats, float]:
     for share in _SHARES:
         at = low + share * (high - low)
         left, right = corners[along <= at], corners[along >= at]
-        cuts.append((_fit(left).miss + _fit(right).miss, at))
+        cuts.append((_miss(left) + _miss(right), at))
     return normal, min(cuts)[1]
 
 
@@ -497,13 +583,13 @@ def _strip_misses(points: Floats, along: Floats, strips: int) -> Floats:
 
 def _cut_around(ground: GroundTriangles, piece: Floats, bad: Floats) -> list[Floats]:
     """Cut a piece in two along an edge of the triangles in its way."""
-    hull = _hull(piece.reshape(-1, 3)[:, :2])
+    hull = _hull(_corners_of(piece)[:, :2])
     bad = bad[np.argsort(-areas_of(bad), kind="stable")[:_CONSIDERED]]
     outline = shapely.union_all(shapely.polygons(bad[:, :, :2]))
     outline = shapely.simplify(outline.intersection(hull), 1e-6)
 
     def covered_area(piece: Floats, along: Floats) -> float:
-        corners, along = piece.reshape(-1, 3)[:, :2], along.ravel()
+        corners, along = _corners_of(piece)[:, :2], along.ravel()
         sides = corners[along >= -_SNAP], corners[along <= _SNAP]
         hulls = [_hull(side) for side in sides]
         return float(shapely.area(shapely.intersection(hulls, outline)).sum())
@@ -552,7 +638,7 @@ def _clip(triangles: Floats, distance: Floats, snap: float) -> tuple[Floats, Flo
     """Cut triangles where a linear function is 0; return the positive and the negative side.
 
     Args:
-        triangles: (n, 3, 3) corners of triangles.
+        triangles: (n, 3, k) corners of triangles.
         distance: (n, 3) values of the function at the corners.
         snap: largest magnitude of a value that counts as 0.
     """
@@ -582,31 +668,35 @@ def _clip(triangles: Floats, distance: Floats, snap: float) -> tuple[Floats, Flo
 
 
 def areas_of(triangles: Floats) -> Floats:
-    """Return areas of triangles, (n, 3, 3), seen from above, (n,)."""
+    """Return areas of triangles, (n, 3, k), seen from above, (n,)."""
     a, b = np.moveaxis(triangles[:, 1:, :2] - triangles[:, :1, :2], 1, 0)
     return np.asarray(0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
 
 
 class PlanRectangle(NamedTuple):
-    """A level rectangle seen from above.
+    """A level rectangle seen from above, the top of a box.
 
     Attributes:
         middle: x and y of the middle.
         half: half lengths of the first and the second side.
         turn: angle from x to the first side, radians, counter-clockwise.
         top: height of the rectangle.
+        under: height of the underside of the box; None for ground.
     """
 
     middle: tuple[float, float]
     half: tuple[float, float]
     turn: float
     top: float
+    under: float | None
 
 
 def plan_rectangle(solid: Solid) -> PlanRectangle | None:
     """Return the level rectangle that a solid is seen from above; None for another shape."""
-    top = solid.top
+    top, under = solid.top, solid.under
     if not solid.flat or len(top) != 4 or np.ptp(top[:, 2]) > 1e-9:
+        return None
+    if under is not None and np.ptp(under[:, 2]) > 1e-9:
         return None
     corners = top[:, :2]
     sides = np.roll(corners, -1, axis=0) - corners
@@ -624,4 +714,5 @@ def plan_rectangle(solid: Solid) -> PlanRectangle | None:
         half,
         turn if abs(turn) * max(half) > 1e-7 else 0.0,
         float(top[0, 2]),
+        None if under is None else float(under[0, 2]),
     )
