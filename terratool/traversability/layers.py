@@ -27,6 +27,8 @@ _TILE = 64
 """Rows of which a layer has a multiple in arrays of all layers."""
 _STOREY_LABELS = 1 << 31
 """Labels of tops of storeys; those of the ground are less."""
+_LOWEST = float(np.finfo(np.float32).min)
+"""Height below all paths."""
 _KEPT = 4
 """Windows whose columns are kept for the other layers."""
 
@@ -110,7 +112,8 @@ class Solids(NamedTuple):
         surface: index of the surface of the top and one, 0 for none.
         label: uint32 that tops without a wall between them have alike.
         slope_x, slope_y: float32 slopes of the top.
-        pressed: whether wheels of tracks have pressed the top.
+        above, most: as in `PathHeights`.
+        rut: float32 depth of the rut in the top, m.
     """
 
     bottom: NDArray[np.float32]
@@ -120,7 +123,22 @@ class Solids(NamedTuple):
     label: NDArray[np.uint32]
     slope_x: NDArray[np.float32]
     slope_y: NDArray[np.float32]
-    pressed: NDArray[np.bool_]
+    above: NDArray[np.float32]
+    most: NDArray[np.float32]
+    rut: NDArray[np.float32]
+
+
+class PathHeights(NamedTuple):
+    """Heights of the paths of tracks that lie on tops, float32 m; of the shape of the tops.
+
+    Attributes:
+        above: height above which they are; minus infinity for the ground, on which paths without
+            heights lie.
+        most: height up to which they are.
+    """
+
+    above: NDArray[np.float32] | None = None
+    most: NDArray[np.float32] | None = None
 
 
 class ShownGround(NamedTuple):
@@ -144,14 +162,19 @@ class LayerGround(NamedTuple):
         planes: heights, surfaces, slopes and labels of what the layer shows.
         sheet: int32 sheet of what it shows; -1 for none.
         ceiling: float32 bottom of what is over that, m; infinity for nothing.
-        pressed: whether wheels of tracks have pressed it.
+        above, most: as in `PathHeights`.
+        rut: float32 depth of the rut in it, m.
+        lone: whether nothing else is solid there.
         joined, own: as in `ShownGround`.
     """
 
     planes: Planes
     sheet: NDArray[np.int32]
     ceiling: NDArray[np.float32]
-    pressed: NDArray[np.bool_]
+    above: NDArray[np.float32]
+    most: NDArray[np.float32]
+    rut: NDArray[np.float32]
+    lone: NDArray[np.bool_]
     joined: NDArray[np.bool_]
     own: NDArray[np.bool_]
 
@@ -161,6 +184,11 @@ class LayerGround(NamedTuple):
         planes: Any = (None if one is None else one[at] for one in self.planes)
         arrays: Any = (np.ascontiguousarray(one[at]) for one in self[1:])
         return LayerGround(Planes(*planes), *arrays)
+
+    @property
+    def paths(self) -> PathHeights:
+        """Heights of the paths of tracks that lie on what it shows."""
+        return PathHeights(self.above, self.most)
 
 
 class LayerPainter:
@@ -179,6 +207,10 @@ class LayerPainter:
         self._painter = Painter(terrain, grid, slopes=True, labels=True)
         self.storeys = terrain.storeys
         self._sheets = sheet_of_elements(terrain)
+        self._pressed = terrain
+        if terrain.tracks and terrain.is_rough:
+            arrays = terrain.arrays
+            self._pressed = terrain.with_arrays(arrays._replace(reliefs=arrays.reliefs[:0]))
         self._kept: OrderedDict[Window, Solids | None] = OrderedDict()
 
     def find(self, window: Window, layer: DrivingLayer) -> LayerGround | None:
@@ -224,8 +256,8 @@ class LayerPainter:
         if not near.any():
             return None
         planes = self._painter.paint(window)
-        at = np.flatnonzero(near)
-        rows, sheets, pressed = self._columns(each[0][at], each[1][at])
+        at = np.flatnonzero(near | (self._terrain.tracks > 0))
+        rows, sheets, tracked = self._columns(each[0][at], each[1][at])
         most = rows.top.shape[1]
         size = (most, window.height * window.width)
 
@@ -250,22 +282,27 @@ class LayerPainter:
             layers(np.uint32, 0, planes.labels, labels),
             layers(np.float32, 0.0, planes.slope_x, rows.slope_x),
             layers(np.float32, 0.0, planes.slope_y, rows.slope_y),
-            layers(np.bool_, True, True, pressed),
+            *(
+                layers(np.float32, 0.0, plane, values)
+                for plane, values in zip((-np.inf, np.inf, 0.0), tracked, strict=True)
+            ),
         )
 
     def _columns(
         self, x: NDArray[np.float64], y: NDArray[np.float64]
-    ) -> tuple[ColumnRows, NDArray[np.int32], NDArray[np.bool_]]:
-        """Columns at points, the sheet of each top, and whether tracks have pressed it."""
+    ) -> tuple[ColumnRows, NDArray[np.int32], NDArray[np.float64]]:
+        """Columns at points, sheets of tops, and `above`, `most` and `rut` of `Solids`."""
         terrain = self._terrain
         rows = terrain.columns_at(x, y)
         bare = terrain.columns_at(x, y, bare=True) if terrain.tracks else rows
         sheets = sheet_of(self._sheets, bare.element)
         sheets[np.arange(bare.top.shape[1]) >= bare.held[:, None]] = -1
-        pressed = np.ones(rows.top.shape, np.bool_)
-        if terrain.tracks and not terrain.is_rough:
-            pressed = rows.top != bare.top
-        return rows, sheets, pressed
+        above, most = np.full((2, *bare.top.shape), np.inf)
+        amid = 0.5 * (bare.top[:, 1:] + bare.top[:, :-1])
+        above[:, 1:], most[:, :-1] = amid, np.where(np.isnan(amid), np.inf, amid)
+        above[:, 0] = np.where(np.isneginf(bare.bottom[:, 0]), -np.inf, _LOWEST)
+        pressed = rows if self._pressed is terrain else self._pressed.columns_at(x, y)
+        return rows, sheets, np.stack([above, most, bare.top - pressed.top])
 
 
 class _SolidArrays(NamedTuple):
@@ -314,7 +351,9 @@ def _ground_of(solids: Solids, shown: ShownGround) -> LayerGround:
     ceiling = np.take_along_axis(over, shown.solid[None] + 1, axis=0)[0]
     ceiling[~(ceiling > -math.inf)] = np.inf
     return LayerGround(
-        planes, pick(solids.sheet, -1), np.ascontiguousarray(ceiling), pick(solids.pressed, False),
+        planes, pick(solids.sheet, -1), np.ascontiguousarray(ceiling),
+        pick(solids.above, np.inf), pick(solids.most, np.inf), pick(solids.rut, 0.0),
+        np.ascontiguousarray((solids.sheet >= 0).sum(axis=0) == 1),
         np.ascontiguousarray(shown.joined), np.ascontiguousarray(shown.own),
     )  # fmt: skip
 
