@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -86,6 +87,18 @@ class Survey:
             other = ~self.own[found, columns]
             found[other] = self.twins[found, columns][other] // self.own.shape[1]
         return found
+
+    def layer_of(self, cell: tuple[int, int], z: float = math.nan) -> int:
+        """Number of the layer that has the top nearest to z, m, at a cell of the grid.
+
+        Of two tops that are equally near it is the lower one's, and the lowest one's if z is NaN.
+        """
+        if self.stack is None or self.own is None:
+            return 0
+        row, column = cell
+        rows = row + self.stack.pitch * np.arange(self.stack.layers)
+        tops = np.where(self.own[rows, column], self.heights[rows, column], np.nan)
+        return int(np.lexsort((tops, np.abs(tops - z)))[0])
 
     @property
     def headings(self) -> int:

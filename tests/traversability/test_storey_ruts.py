@@ -19,9 +19,13 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.text.source import Source
+from terratool.traversability.assess import assess
+from terratool.traversability.preparing import prepare_assessment
+from terratool.traversability.request import Request
 from terratool.traversability.ruts import Deformed, deform
 from terratool.traversability.survey import Surveyor
 from terratool.traversability.vehicle import Axle, Vehicle, Wheel
+from terratool.traversability.verdicts import Reason
 from tests.commands import ROOT, call
 from tests.conftest import terrain_of
 from tests.storey_examples import PRIMITIVES, Json, box
@@ -213,6 +217,41 @@ def test_ruts_are_those_of_the_floor_that_they_lie_on(rough: bool) -> None:
         # sides of ruts stand amid pixels there, not at their places
         np.testing.assert_allclose(found.step, wanted.step, atol=2e-3)
         assert (found.verdict != wanted.verdict).mean() < 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("radius", [0.0, 1.0])
+@pytest.mark.parametrize(
+    ("points", "ends", "back"),
+    [
+        # below the floor, on it, and from the ground up to it, with heights and without
+        ([(9, 4.5), (12, 4.5)], (0.0, 0.0), (0.0, 0.0)),
+        ([(9, 4.5, 0.9), (12, 4.5, 0.8)], (0.9, 0.9), (0.9, 0.9)),
+        ([(0.8, 4.5), (12, 4.5)], (0.0, 0.9), (0.9, 0.0)),
+        ([(0.8, 4.5, 0), (5, 4.5, 0.5), (12, 4.5, 1)], (0.0, 0.9), (0.9, 0.0)),
+        ([(0.8, 1.5, 0), (10, 1.5, 0), (10, 4.5, 0.9)], (0.0, 0.0), None),
+        ([(10, 4.5, 0), (16, 4.5, 0), (16, 8, 3)], (0.0, 0.0), (0.0, 0.0)),
+    ],
+)
+def test_waypoints_lie_on_the_floors_of_their_heights(
+    points: list[tuple[float, ...]], ends: tuple[float, float], back: Any, radius: float
+) -> None:
+    """A way goes on as the vehicle would, and misses a point on another floor than its own."""
+    machine = replace(cart(), height=0.4, turning_radius=radius)
+    wanted = Request(
+        waypoints=(np.array(points),), returns=True, resolution=0.1, headings=8, mapped=False
+    )
+    route = assess(prepare_assessment(terrain_of(dock()), machine, wanted)).routes[0]
+    assert (route.start.height, route.goal.height) == pytest.approx(ends)
+    assert route.found == (back is not None)
+    if route.back is not None:
+        assert route.back.found
+        assert (route.back.start.height, route.back.goal.height) == pytest.approx(back)
+    else:
+        (bar,) = route.barriers
+        assert (bar.reason, bar.place.height) == (Reason.STEP, 0.0)
+        assert bar.bars == '/elemTree/children/1 (surface "wood"), 0.9 m high'
+        assert bar.pointer == "/elemTree/children/1"
 
 
 @pytest.mark.slow

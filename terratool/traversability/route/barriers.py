@@ -120,7 +120,7 @@ def barriers(on: RouteSite, path: Path) -> tuple[Barrier, ...]:
         at = int(path.judged[first]), int(path.row[first]), int(path.column[first])
         found.append(
             Barrier(
-                location_at(on.terrain, x, y, _z_of(path.height[first])),
+                location_at(on.terrain, x, y, z_of(path.height[first])),
                 reason,
                 ground.name + _slope_text(survey, reason, at),
                 float(width[first:end].sum()),
@@ -210,7 +210,7 @@ def barring_ground(
     return found._replace(name=found.name + size * (reason == Reason.STEP))
 
 
-def _z_of(height: float) -> float | None:
+def z_of(height: float) -> float | None:
     """A height of a path; None where it has none."""
     return None if math.isnan(height) else float(height)
 
