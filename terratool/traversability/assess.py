@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from terratool.cluster import crew_of
 from terratool.field.footprints import geojson_head
-from terratool.io.geotiff import TILE
 from terratool.tasks import thread_count
 from terratool.traversability.blocked import blocked_start
 from terratool.traversability.map import begin_of, stream_map
@@ -184,8 +183,7 @@ def _judge_map(
             stream_map(prepared.surveyor, builder, files, crew, progress)
     if sheets and (prepared.shares_survey or builder.own is not None):
         for number, one in enumerate(sheets):
-            for window in builder.grid.windows(TILE, TILE):
-                one.write(window, builder.bands(window, number))
+            builder.write(one, number)
     tell: Callable[[float], object] | None = None
     if progress:
         pixels, told = builder.ground.size, progress
@@ -201,7 +199,10 @@ def _judge_map(
     if start is not None:
         blocked = None if found.reached.any() else blocked_start(prepared, start)
         reach = reach_of(terrain, start, found, builder.counted(classes), blocked)
-    return _MapResult(builder.summary(classes, found, start), reach, builder.preview(classes))
+        reach = replace(reach, cells=builder.of_sheet(reach.cells, 0))
+    reached = None if reach is None else found.reached
+    preview = builder.preview(classes, reached)
+    return _MapResult(builder.summary(classes, found, start), reach, preview)
 
 
 def _plan_routes(prepared: PreparedRequest, progress: Progress | None) -> tuple[Route, ...]:

@@ -405,6 +405,43 @@ def copy_from_owners(
     return out
 
 
+def lowest_tops(
+    values: NDArray[Any], own: NDArray[np.bool_], ground: NDArray[np.bool_], stack: Stack
+) -> NDArray[Any]:
+    """Values of the lowest top at each pixel of the grid.
+
+    Args:
+        values: (…, height, width) values of all layers.
+        own: pixels that have their own.
+        ground: pixels of all layers with ground.
+        stack: the layers.
+    """
+    layers, mine = stack.parts(values), stack.parts(own)
+    # where the ground has no top a floor or a deck that it is one with lies lowest
+    found, known = layers[0].copy(), mine[0] & stack.parts(ground)[0]
+    for layer, more in zip(layers[1:], mine[1:], strict=True):
+        here = more & ~known
+        found[..., here], known = layer[..., here], known | here
+    return found
+
+
+def tops_of_sheet(
+    values: NDArray[Any], own: NDArray[np.bool_], number: int, stack: Stack
+) -> NDArray[Any]:
+    """Values of the tops of a sheet at each pixel of the grid; NaN or 0 where it has none.
+
+    Args:
+        values: (…, height, width) values of all layers.
+        own: pixels that have their own.
+        number: number of the sheet.
+        stack: the layers.
+    """
+    layers, mine = stack.parts(values), stack.parts(own)
+    nothing = np.asarray(np.nan if values.dtype.kind == "f" else 0, values.dtype)
+    main, apart = number, number + stack.sheets
+    return np.where(mine[apart], layers[apart], np.where(mine[main], layers[main], nothing))
+
+
 def top_near(terrain: Terrain, x: Any, y: Any, z: Any = None) -> Any:
     """Heights of the tops nearest to heights at points, m; of the lowest ones where z is None.
 

@@ -208,6 +208,8 @@ class Preview:
         bits: (height, width) headings with which the vehicle drives, as bits, the first in the
             lowest; the ground is taken to go on beyond the rim. None where they are not known.
         headings: number of headings of `bits`.
+        reached: (height, width) bool, pixels that can be reached; None where no start is given.
+        storeys: pictures of the tops of each sheet of storeys; this one has the lowest tops.
     """
 
     grid: Grid
@@ -217,3 +219,5 @@ class Preview:
     worst: NDArray[np.uint8] | None = None
     bits: NDArray[np.unsignedinteger[Any]] | None = None
     headings: int = HEADINGS
+    reached: NDArray[np.bool_] | None = None
+    storeys: tuple[Preview, ...] = ()

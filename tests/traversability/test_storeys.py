@@ -21,7 +21,7 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window, grid_over
 from terratool.traversability.assess import assess
-from terratool.traversability.layers import ShownGround
+from terratool.traversability.layers import ShownGround, tops_of_sheet
 from terratool.traversability.map import MapBuilder, begin_of, stream_map
 from terratool.traversability.preparing import prepare_assessment
 from terratool.traversability.report.wording import barrier
@@ -98,9 +98,7 @@ class Judged:
     def sheet(self, plane: NDArray[Any], number: int) -> NDArray[Any]:
         """Values of the tops of a sheet; of the ground for 0, where it has a top."""
         assert self.builder.own is not None
-        layers, own = self.stack.parts(plane), self.stack.parts(self.builder.own)
-        apart = number + self.stack.sheets
-        return np.where(own[apart], layers[apart], np.where(own[number], layers[number], 0))
+        return tops_of_sheet(plane, self.builder.own, number, self.stack)
 
     def area(self, plane: NDArray[Any], number: int) -> float:
         return float(np.count_nonzero(self.sheet(plane, number))) * self.grid.resolution**2

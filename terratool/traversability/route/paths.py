@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
+from terratool.report import numbers
 from terratool.report.numbers import coordinates
 from terratool.traversability.layers import sample_near, top_near
 from terratool.traversability.map_results import Survey, cells_of
@@ -534,6 +535,6 @@ def check_inside(what: str, place: tuple[float, ...], parts: Mapping[str, Bounds
         if not (west <= x <= east and south <= y <= north):
             sides = coordinates((west, south, east, north))
             raise RequestError(
-                f"{what}, {coordinates(place)}, lies outside {name}.",
+                f"{what}, {numbers.place(place)}, lies outside {name}.",
                 f"Give x and y within west south east north {sides}.",
             )

@@ -16,9 +16,8 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.raster.grid import Grid, grid_over
 from terratool.report import numbers
-from terratool.report.numbers import coordinates
 from terratool.traversability.fineness import coarsest_resolution
-from terratool.traversability.layers import top_near
+from terratool.traversability.layers import lowest_tops, top_near
 from terratool.traversability.map_results import HEADINGS, Survey
 from terratool.traversability.route.barriers import (
     BlockedPlace,
@@ -539,7 +538,10 @@ def reach(
         bits, seen.headings, begin, places=FloodPlaces(turns, seen.twins), radius=radius
     )
     ground = np.isfinite(seen.heights)
-    return reach_of(terrain, start, found, ground if seen.own is None else ground & seen.own)
+    if seen.own is None or seen.stack is None:
+        return reach_of(terrain, start, found, ground)
+    own = reach_of(terrain, start, found, ground & seen.own)
+    return replace(own, cells=lowest_tops(own.cells, seen.own, ground, seen.stack))
 
 
 def reach_of(
@@ -552,7 +554,7 @@ def reach_of(
     """
     whole = max(int(np.count_nonzero(ground)), 1)
     if not found.reached.any() and blocked is None:
-        place = f"the place to start from, {coordinates(start)}"
+        place = f"the place to start from, {numbers.place(start)}"
         blocked = BlockedPlace(f"The vehicle cannot stand at {place}, whatever its heading.", "")
     return Reach(
         location_at(terrain, *start),
