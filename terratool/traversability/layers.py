@@ -405,10 +405,10 @@ def copy_from_owners(
     return out
 
 
-def lowest_tops(
+def ground_tops(
     values: NDArray[Any], own: NDArray[np.bool_], ground: NDArray[np.bool_], stack: Stack
 ) -> NDArray[Any]:
-    """Values of the lowest top at each pixel of the grid.
+    """Values of the ground's own tops at each pixel of the grid, of the lowest where it has none.
 
     Args:
         values: (…, height, width) values of all layers.

@@ -24,7 +24,7 @@ from terratool.tasks import Work
 from terratool.traversability.fineness import coarsest_resolution
 from terratool.traversability.layers import (
     copy_from_owners,
-    lowest_tops,
+    ground_tops,
     rings,
     top_of_layer,
     tops_of_sheet,
@@ -282,11 +282,11 @@ class MapBuilder:
             files.write(window, MapBands(*parts))
 
     def of_sheet(self, plane: NDArray[Any], number: int) -> NDArray[Any]:
-        """Values of a sheet of storeys by its number from 1 on; 0 stands for the lowest tops."""
+        """Values of a sheet of storeys by its number from 1 on; those of the ground for 0."""
         if self.own is None:
             return plane
         if number == 0:
-            return lowest_tops(plane, self.own, self.ground, self.stack)
+            return ground_tops(plane, self.own, self.ground, self.stack)
         return tops_of_sheet(plane, self.own, number, self.stack)
 
     def preview(self, classes: NDArray[np.uint8], reached: NDArray[np.bool_] | None) -> Preview:

@@ -209,7 +209,7 @@ class Preview:
             lowest; the ground is taken to go on beyond the rim. None where they are not known.
         headings: number of headings of `bits`.
         reached: (height, width) bool, pixels that can be reached; None where no start is given.
-        storeys: pictures of the tops of each sheet of storeys; this one has the lowest tops.
+        storeys: pictures of the tops of each sheet of storeys; this one has those of the ground.
     """
 
     grid: Grid

@@ -131,6 +131,9 @@ def test_a_car_park_is_driven_up_to_its_upper_floor(turned: bool) -> None:
     assert [judged.area(own, n) for n in range(3)] == [597.0, 436.0, 80.0]
     assert [judged.area(reached, n) for n in range(3)] == [571.0, 436.0, 0.0]
     assert [judged.area(returned, n) for n in range(3)] == [571.0, 436.0, 0.0]
+    x = judged.grid.columns(judged.grid.whole)
+    floor = x < 20.0 if turned else x > 10.0
+    assert judged.area(reached * floor, 1) == 396.0 and judged.area(reached * ~floor, 1) == 40.0
 
 
 @pytest.mark.slow

@@ -257,7 +257,7 @@ def _caption(report: TraversabilityReport, preview: Preview) -> str:
         caption += " Beside a way lies the strip over which the vehicle drifts downhill if nobody "
         caption += "steers against it between two corners."
     if preview.storeys:
-        caption += " It shows the lowest tops, and shares of all; decks and bores have maps of "
+        caption += " It shows the ground, and shares of all tops; decks and bores have maps of "
         caption += "their own."
         caption += _FAINT * any(route.profile is not None for route in report.routes)
     if any(route.alternatives for route in report.routes):
@@ -300,7 +300,7 @@ def _position(x: float, y: float, preview: Preview) -> tuple[float, float]:
 
 
 def _ways(route: Route, preview: Preview, number: int, style: str) -> Iterator[tuple[str, str]]:
-    """Lines of a route on a map of storeys by its number, 0 for the lowest tops, and their styles.
+    """Lines of a route on a map of storeys by its number, 0 for the ground, and their styles.
 
     Where the route is not on what the map shows it is faint.
     """
@@ -359,7 +359,7 @@ def _outline(zone: Zone, preview: Preview) -> str:
 
 
 def _pins(report: TraversabilityReport, source: str, preview: Preview, picture: int) -> list[_Pin]:
-    """Pins on a map of storeys by its number, 0 for the lowest tops."""
+    """Pins on a map of storeys by its number, 0 for the ground."""
     pins: list[tuple[str, str, Location]] = []
     pins += [("pin bar", "✘", bar.place) for route in report.routes for bar in route.barriers]
     if report.reach is not None and source == "S":

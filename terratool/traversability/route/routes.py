@@ -17,7 +17,7 @@ from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.raster.grid import Grid, grid_over
 from terratool.report import numbers
 from terratool.traversability.fineness import coarsest_resolution
-from terratool.traversability.layers import lowest_tops, top_near
+from terratool.traversability.layers import ground_tops, top_near
 from terratool.traversability.map_results import HEADINGS, Survey
 from terratool.traversability.route.barriers import (
     BlockedPlace,
@@ -541,7 +541,7 @@ def reach(
     if seen.own is None or seen.stack is None:
         return reach_of(terrain, start, found, ground)
     own = reach_of(terrain, start, found, ground & seen.own)
-    return replace(own, cells=lowest_tops(own.cells, seen.own, ground, seen.stack))
+    return replace(own, cells=ground_tops(own.cells, seen.own, ground, seen.stack))
 
 
 def reach_of(
