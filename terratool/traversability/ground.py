@@ -152,7 +152,7 @@ class GroundPainter:
         shown = self._layers.find(window, layer)
         if shown is None:
             return self.paint(window) if layer == DrivingLayer(0, False) else None
-        if not shown.own.any():
+        if not (shown.own | shown.joined).any():
             return None
         x, y = self._grid.columns(window), self._grid.rows(window)
         found = []

@@ -215,7 +215,7 @@ class LayerPainter:
 
     def find(self, window: Window, layer: DrivingLayer) -> LayerGround | None:
         """The ground of a layer; None where no storeys are near, nor within reach."""
-        more = 2 * self._reach  # a way to what is shown is no longer, nor one to what parts tops
+        more = 4 * self._reach  # to what is shown, and from there to what parts tops
         solids = self._solids(
             Window(
                 window.row - more, window.column - more, window.height + 2 * more,

@@ -182,8 +182,8 @@ def test_a_path_over_a_hole_below_a_deck_needs_heights() -> None:
 
 TRACKS: list[Json] = [
     {"path": [[0.5, 1.1], [5.5, 0.8]], "width": 0.3, "depth": 0.006, "passes": 9},
-    {"path": [[0.5, 0.9, 0.71], [5.5, 1.1, 0.69]], "width": 0.2, "depth": 0.01, "multipass": 2},
-    {"path": [[2, 0.2, 0.0], [2.5, 1.8, 0.3]], "width": 0.2, "depth": 0.01, "surface": "road"},
+    {"path": [[0.5, 0.9, 0.36], [5.5, 1.1, 0.9]], "width": 0.2, "depth": 0.01, "multipass": 2},
+    {"path": [[2, 0.2, -0.2], [2.5, 1.8, 0.34]], "width": 0.2, "depth": 0.01, "surface": "road"},
 ]
 
 
