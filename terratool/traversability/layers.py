@@ -211,17 +211,12 @@ class LayerPainter:
         if terrain.tracks and terrain.is_rough:
             arrays = terrain.arrays
             self._pressed = terrain.with_arrays(arrays._replace(reliefs=arrays.reliefs[:0]))
-        self._kept: OrderedDict[Window, Solids | None] = OrderedDict()
+        self._kept: OrderedDict[Window, Solids] = OrderedDict()
+        self._bare: set[Window] = set()
 
     def find(self, window: Window, layer: DrivingLayer) -> LayerGround | None:
         """The ground of a layer; None where no storeys are near, nor within reach."""
-        more = 4 * self._reach  # to what is shown, and from there to what parts tops
-        solids = self._solids(
-            Window(
-                window.row - more, window.column - more, window.height + 2 * more,
-                window.width + 2 * more,
-            )
-        )  # fmt: skip
+        solids = self._solids(self._around(window))
         if solids is None:
             return None
         shape = solids.top.shape[1:]
@@ -233,25 +228,54 @@ class LayerPainter:
         if layer == DrivingLayer(0, False):
             # where nothing is solid the ground has a void
             shown.own[solids.sheet[0] < 0] = True
+        more = 4 * self._reach
         inner = np.s_[more : more + window.height, more : more + window.width]
         parts: Any = (one[:, *inner] for one in solids)
         cut: Any = (one[inner] for one in shown)
         return _ground_of(Solids(*parts), ShownGround(*cut))
 
+    def near(self, window: Window) -> Window | None:
+        """The part of a window to which storeys may matter, as they are near; None for none."""
+        around, more = self._around(window), 4 * self._reach
+        near = self.storeys.near(*self._points(around)).reshape(around.height, around.width)
+        ends = []
+        for axis, size in ((1, window.height), (0, window.width)):
+            at = np.flatnonzero(near.any(axis=axis))
+            if not len(at):
+                return None
+            # places around are `more` ahead of those of the window
+            ends.append((max(int(at[0]) - 2 * more, 0), min(int(at[-1]) + 1, size)))
+        (top, bottom), (left, right) = ends
+        return Window(window.row + top, window.column + left, bottom - top, right - left)
+
+    def _around(self, window: Window) -> Window:
+        """A window with all around it that matters to its layers."""
+        more = 4 * self._reach  # to what is shown, and from there to what parts tops
+        return Window(
+            window.row - more, window.column - more, window.height + 2 * more,
+            window.width + 2 * more,
+        )  # fmt: skip
+
+    def _points(self, window: Window) -> list[NDArray[np.float64]]:
+        """World positions x and y of the pixels of a window."""
+        x, y = self._grid.columns(window), self._grid.rows(window)
+        return [np.ascontiguousarray(one.ravel()) for one in np.meshgrid(x, y)]
+
     def _solids(self, window: Window) -> Solids | None:
         """Find the solids of a window; None where no storeys are near."""
-        try:
-            return self._kept[window]
-        except KeyError:
-            found = self._find_solids(window)
+        if window in self._bare:
+            return None
+        found = self._kept.get(window) or self._find_solids(window)
+        if found is None:
+            self._bare.add(window)
+            return None
         self._kept[window] = found
         while len(self._kept) > _KEPT:
             self._kept.popitem(last=False)
         return found
 
     def _find_solids(self, window: Window) -> Solids | None:
-        x, y = self._grid.columns(window), self._grid.rows(window)
-        each = [np.ascontiguousarray(one.ravel()) for one in np.meshgrid(x, y)]
+        each = self._points(window)
         near = self.storeys.near(*each)
         if not near.any():
             return None

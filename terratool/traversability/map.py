@@ -257,6 +257,8 @@ class MapBuilder:
 
     def add(self, window: Window, parts: WindowParts) -> None:
         """Add what a map keeps of a window."""
+        if parts.shown is not None and (parts.shown < 0).all() and not np.any(parts.own):
+            return  # a layer that has and shows nothing there
         bands, part = parts.bands, part_of(window)
         self.verdict[part], self.reason[part] = bands.verdict[0], bands.classes[1]
         self.worst[part] = bands.classes[0]
