@@ -377,7 +377,7 @@ def _drop_repeats(path: Points) -> Points:
 
 
 class _GroundAlong(NamedTuple):
-    """What a wheel runs over.
+    """Ground that a wheel runs over.
 
     Attributes:
         lengths: length of its line on each surface, m, by name.
