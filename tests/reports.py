@@ -179,7 +179,7 @@ def report(**changes: Any) -> TraversabilityReport:
         "verdict": Verdict.NO_GO,
         "routes": (WAY, NO_WAY, WAYPOINTS),
         "reach": Reach(place(105.0, 202.0), 0.625, 0.5, best_cells()),
-        "preview": preview(),
+        "preview": replace(preview(), reached=best_cells()),
         "assumptions": ASSUMPTIONS,
         "notes": ("The map has 80 × 30 pixels of 0.5 (as asked).",),
     }

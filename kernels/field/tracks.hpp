@@ -114,20 +114,38 @@ INLINE Rut rut_at(const Tracks& tracks, double x, double y, i64 ground) {
     return cell < 0 ? Rut{0.0, -1, -1, 0.0, 0.0} : rut_in(tracks, cell, x, y, ground);
 }
 
+// Paths that lie on the tops of pixels: those with heights above `above` up to `most`, and those
+// without where `above` is minus infinity. All of them lie on tops where there are no arrays.
+struct PathHeights {
+    Matrix<const float> above, most;
+};
+
+template <class Visit> void visit_arguments(PathHeights& h, Visit visit) {
+    visit("?above[h,w]", h.above), visit("?most[h,w]", h.most);
+}
+
 // Ruts at the centres of pixels, rows from the north: depth of the deepest first pass, the passes
 // of all, and their a; 0 elsewhere, and where a track has a surface of its own, which says what its
 // ground is like. `surfaces` are those of the ground and one. Whether there is any.
 template <class Id>
 bool find_ruts(
-    const Tracks& tracks, In x, In y, Matrix<const Id> surfaces, Matrix<float> first,
-    Matrix<float> passes, Matrix<float> exponent
+    const Tracks& tracks, In x, In y, Matrix<const Id> surfaces, const PathHeights& heights,
+    Matrix<float> first, Matrix<float> passes, Matrix<float> exponent
 ) {
     bool any = false;
     for (auto plane : {first, passes, exponent}) plane.fill(0.0f);
     for (i64 r = 0; r < first.rows(); ++r) {
         double at = y[first.rows() - 1 - r];
         for (i64 c = 0; c < first.columns(); ++c) {
-            Rut rut = rut_at(tracks, x[c], at, i64(surfaces(r, c)) - 1);
+            i64 cell = cell_near(tracks, x[c], at);
+            if (cell < 0) continue;
+            Rut rut = chosen_rut_in(
+                tracks, cell, x[c], at, i64(surfaces(r, c)) - 1, [&](const Segment& segment) {
+                    if (heights.above.rows() == 0) return true;
+                    double z = height_of_path(segment, x[c], at), above = heights.above(r, c);
+                    return isnan(z) ? above == -INF : above < z && z <= heights.most(r, c);
+                }
+            );
             if (rut.depth == 0.0 || rut.surface_track >= 0) continue;
             first(r, c) = float(rut.first), passes(r, c) = float(rut.passes), any = true;
             exponent(r, c) = float(1.0 / tracks.power[rut.deepest]);

@@ -23,8 +23,8 @@ CrestPlaces crest_places(
 using SurfacesBelow = std::variant<Matrix<const u8>, Matrix<const u16>, Matrix<const u32>>;
 
 bool ruts(
-    const Field& field, In x, In y, const SurfacesBelow& surfaces, Matrix<float> first,
-    Matrix<float> passes, Matrix<float> exponent
+    const Field& field, In x, In y, const SurfacesBelow& surfaces, const PathHeights& heights,
+    Matrix<float> first, Matrix<float> passes, Matrix<float> exponent
 ) {
     constexpr IndexCheck check_index{"find_ruts"};
     if (!has_tracks(field)) return false;
@@ -34,7 +34,7 @@ bool ruts(
             for (i64 r = 0; r < ids.rows(); ++r)
                 for (auto id : ids[r])
                     check_index(i64(id) < field.tracks.depths.columns(), "a surface");
-            return find_ruts(field.tracks, x, y, ids, first, passes, exponent);
+            return find_ruts(field.tracks, x, y, ids, heights, first, passes, exponent);
         },
         surfaces
     );
@@ -85,7 +85,8 @@ void bind_walls(nb::module_ m) {
     def<&ruts>(
         m, "find_ruts",
         "First depths, passes and exponents of the ruts at the centres of pixels; whether any.",
-        {"field", "x[w]", "y[h]", "surfaces", "first[h,w]", "passes[h,w]", "exponent[h,w]"}
+        {"field", "x[w]", "y[h]", "surfaces", "heights", "first[h,w]", "passes[h,w]",
+         "exponent[h,w]"}
     );
 
     def<&crest_places>(

@@ -413,7 +413,8 @@ class UserTerrain(ShownTerrain):
 
         Args:
             vehicle: vehicle, or path of its file.
-            waypoints: points that its middle drives along, (n, 2), or the path of their file.
+            waypoints: points that its middle drives along, (n, 2), or (n, 3) with heights of floors
+                where it is on storeys; or the path of their file.
             output: file to write, compressed if it ends in .gz; None gives the terrain with the
                 ruts itself.
             overwrite: whether the file may exist already.
@@ -435,7 +436,6 @@ class UserTerrain(ShownTerrain):
             refuse_output(output, (vehicle, waypoints), overwrite)
         way = _points(waypoints)
         check_path(way, self.bounds)
-        self.ground_only()
         deformed = deform(self._checked(), _vehicle(vehicle), way, wanted)
         if output is not None:
             write_deformed(self.source, output, deformed, overwrite, self.library_roots)
@@ -648,12 +648,14 @@ def _ways(waypoints: Any) -> tuple[Any, ...]:
 
 
 def _points(way: Any) -> Any:
-    """Points of a way, (n, 2) float64, or those of a file."""
+    """Points of a way, (n, 2) or (n, 3) float64, or those of a file."""
     if isinstance(way, str | Path):
         return read_waypoints(way)
     points = _numbers(way)
-    if points is None or points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
-        raise RequestError(f"Waypoints are {_form(way)}.", "Give two or more rows of x and y.")
+    if points is None or points.ndim != 2 or points.shape[1] not in (2, 3) or len(points) < 2:
+        raise RequestError(
+            f"Waypoints are {_form(way)}.", "Give two or more rows of x and y, or of x, y and z."
+        )
     return points
 
 

@@ -46,7 +46,8 @@ if TYPE_CHECKING:
         "--waypoints",
         required=True,
         metavar="FILE",
-        help="Where its middle drives: a line x,y for each point, or a GeoJSON line.",
+        help="Where its middle drives: a line x,y for each point, or x,y,z on a deck; or a GeoJSON "
+        "line.",
     ),
     click.option(
         "--passes",

@@ -84,7 +84,7 @@ SAMPLES = (256, 16, 1024)  # default, least, most
         "--waypoints",
         multiple=True,
         metavar="FILE",
-        help="Check the way through the points of a CSV or GeoJSON file.",
+        help="Check the way through the points of a CSV or GeoJSON file, x,y or x,y,z.",
     ),
     click.option("--return", "returns", is_flag=True, help="Look for the way back, too."),
     click.option(

@@ -316,6 +316,7 @@ def find_ruts(
     x: NDArray[np.float64],
     y: NDArray[np.float64],
     surfaces: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32],
+    heights: Any,
     first: NDArray[np.float32],
     passes: NDArray[np.float32],
     exponent: NDArray[np.float32],

@@ -117,6 +117,12 @@ def coordinates(values: Iterable[float]) -> str:
     return " ".join(f"{value:.12g}" for value in values)
 
 
+def place(values: Iterable[float]) -> str:
+    """Format a place for a command line: X Y, or X Y,Z with a height."""
+    x, *others = (f"{value:.12g}" for value in values)
+    return f"{x} {','.join(others)}"
+
+
 def located(values: Iterable[float], step: float, least: int = 6) -> str:
     """Format coordinates to a hundredth of a step, or to some digits where these say more.
 

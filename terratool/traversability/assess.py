@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from terratool.cluster import crew_of
 from terratool.field.footprints import geojson_head
-from terratool.io.geotiff import TILE
 from terratool.tasks import thread_count
 from terratool.traversability.blocked import blocked_start
 from terratool.traversability.map import begin_of, stream_map
@@ -180,8 +183,7 @@ def _judge_map(
             stream_map(prepared.surveyor, builder, files, crew, progress)
     if sheets and (prepared.shares_survey or builder.own is not None):
         for number, one in enumerate(sheets):
-            for window in builder.grid.windows(TILE, TILE):
-                one.write(window, builder.bands(window, number))
+            builder.write(one, number)
     tell: Callable[[float], object] | None = None
     if progress:
         pixels, told = builder.ground.size, progress
@@ -197,7 +199,10 @@ def _judge_map(
     if start is not None:
         blocked = None if found.reached.any() else blocked_start(prepared, start)
         reach = reach_of(terrain, start, found, builder.counted(classes), blocked)
-    return _MapResult(builder.summary(classes, found, start), reach, builder.preview(classes))
+        reach = replace(reach, cells=builder.of_sheet(reach.cells, 0))
+    reached = None if reach is None else found.reached
+    preview = builder.preview(classes, reached)
+    return _MapResult(builder.summary(classes, found, start), reach, preview)
 
 
 def _plan_routes(prepared: PreparedRequest, progress: Progress | None) -> tuple[Route, ...]:
@@ -218,20 +223,28 @@ def _plan_routes(prepared: PreparedRequest, progress: Progress | None) -> tuple[
             alternatives=finder.alternatives(route, *ends, prefer, request.alternatives),
         )
 
-    check = finder.check
-    ways: list[tuple[Callable[..., Route], tuple[Any, ...], tuple[Any, ...]]] = [
-        (plan, ends_of(route), ends_of(route)[::-1]) for route in request.routes
-    ]
-    ways += [(check, (points,), (points[::-1],)) for points in request.waypoints]
     found = []
-    for find, there, back in ways:
-        route = find(*there)
-        if find is plan:
-            route = beside(route, *there)
+    for line in request.routes:
+        there = ends_of(line)
+        route = beside(plan(*there), *there)
         if request.returns and route.found:
-            route = with_way_back(route, find(*back))
-        found.append(with_charge(route, prepared.vehicle, prepared.terrain))
-    return tuple(found)
+            route = with_way_back(route, plan(*there[::-1]))
+        found.append(route)
+    for points in request.waypoints:
+        route = finder.check(points)
+        if request.returns and route.found:
+            route = with_way_back(route, finder.check(_from_goal(route, points)))
+        found.append(route)
+    return tuple(with_charge(route, prepared.vehicle, prepared.terrain) for route in found)
+
+
+def _from_goal(route: Route, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Waypoints back, from the floor to which a checked route leads, where they name none."""
+    if points.shape[1] > 2:
+        return points[::-1]
+    heights = np.full(len(points), np.nan)
+    heights[0] = math.nan if route.goal.height is None else route.goal.height
+    return np.column_stack([points[::-1], heights])
 
 
 def verdict_of(summary: MapSummary | None, routes: Sequence[Route]) -> Verdict:

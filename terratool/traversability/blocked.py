@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from terratool.raster.grid import Window
-from terratool.report.numbers import coordinates
+from terratool.report import numbers
+from terratool.traversability.layers import top_near
 from terratool.traversability.map_results import cell_of
 from terratool.traversability.preparing import PreparedRequest
 from terratool.traversability.request import Place, ends_of
@@ -29,6 +30,8 @@ from terratool.traversability.tiles import SurveyTiles, part_of, survey_window
 
 _AROUND = 32
 """Pixels searched on each side of a blocked place for one where the vehicle can stand."""
+_SAME_TOP = 1e-3
+"""Difference of heights of a top that are rounded otherwise, m."""
 
 
 class BlockedEnd(NamedTuple):
@@ -111,5 +114,7 @@ def _blocked_place(
     x = float(tiles.survey.grid.columns(window)[columns[nearest]])
     flat = replace(window, row=int(tiles.survey.flat_rows(window.row)))
     y = float(tiles.survey.grid.rows(flat)[rows[nearest]])
-    near = coordinates((round(x, 3), round(y, 3)))
+    z = float(tiles.survey.heights[at][rows[nearest], columns[nearest]])
+    above = terrain.storeys is not None and z - float(top_near(terrain, x, y)) > _SAME_TOP
+    near = numbers.place(round(one, 3) for one in ((x, y, z) if above else (x, y)))
     return why._replace(note=f"{why.note} It can stand and move at {near}, near there.")

@@ -20,7 +20,7 @@ from terratool.definition.reader import Checked, CheckOptions, check, no_terrain
 from terratool.errors import ReadError, TerratoolError
 from terratool.field.terrain import Terrain
 from terratool.processes import python_calling
-from terratool.report.numbers import coordinates
+from terratool.report import numbers
 from terratool.text.locate import Address, offsets, positions_of
 from terratool.text.source import Source, read_source
 from terratool.traversability.assess import assess
@@ -30,7 +30,7 @@ from terratool.traversability.conditions import parse
 from terratool.traversability.gate_rules import GATES
 from terratool.traversability.notes import headroom_note
 from terratool.traversability.report.wording import conclusion, route_line
-from terratool.traversability.request import Request
+from terratool.traversability.request import Request, ends_of
 from terratool.traversability.results import TraversabilityReport
 from terratool.traversability.route.results import Route
 from terratool.traversability.vehicle import Vehicle
@@ -150,7 +150,7 @@ def _failures(
     mine = f"{report.vehicle.name}: " if report.vehicle.name and not several else ""
     told = partial(_finding, source, whose=whose)
     names = [
-        *(f"route {coordinates(route)}" for route in job.request.routes),
+        *(f"route {' '.join(map(numbers.place, ends_of(route)))}" for route in job.request.routes),
         *(f"waypoints {number}" for number in range(1, len(job.request.waypoints) + 1)),
     ]
     for end in blocked:
@@ -163,7 +163,7 @@ def _failures(
             yield told("TD101", route_line(_lost(route)), hint, _pointer(route), names[number])
     if report.reach is not None and report.reach.note:
         hint = "Make room there, or set out from another place."
-        place = f"from {coordinates(job.request.start or ())}"
+        place = f"from {numbers.place(job.request.start or ())}"
         yield told("TD102", report.reach.note, hint, report.reach.pointer, place)
     for text in job.conditions:
         condition = parse(text)

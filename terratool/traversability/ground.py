@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from terratool.field.bounds import crest_lines, curve_weights
 from terratool.field.terrain import Terrain
+from terratool.field.tracks import without_tracks
 from terratool.field.walls import WallFinders
 from terratool.kernels import field as kernels
 from terratool.raster.grid import Grid, Window
 from terratool.raster.painter import Painter, Planes
-from terratool.traversability.layers import DrivingLayer, LayerGround, LayerPainter
+from terratool.traversability.layers import DrivingLayer, LayerGround, LayerPainter, PathHeights
 from terratool.traversability.walls import Gaps, MetWalls, Walls, meet_walls, walls_in_order
 
 Axis = NDArray[np.float64]
@@ -130,6 +131,10 @@ class GroundPainter:
         if layers is not None:
             sheets = [sheet.top for sheet in layers.storeys.sheets]
         self._made = [_Made.of(one) for one in (terrain, *sheets)]
+        self._finders = [made.finders for made in self._made]
+        if terrain.tracks and np.isfinite(terrain.arrays.tracks.segments["z"]).any():
+            # where tops stand over each other not each track lies on the ground
+            self._finders.append(WallFinders(terrain.with_arrays(without_tracks(terrain.arrays))))
         self._slopes = slopes
 
     def paint(self, window: Window) -> StanceGround:
@@ -147,7 +152,7 @@ class GroundPainter:
         shown = self._layers.find(window, layer)
         if shown is None:
             return self.paint(window) if layer == DrivingLayer(0, False) else None
-        if not shown.own.any():
+        if not (shown.own | shown.joined).any():
             return None
         x, y = self._grid.columns(window), self._grid.rows(window)
         found = []
@@ -227,10 +232,8 @@ class GroundPainter:
         """Find the ruts at the centres of pixels; None where no pixel has any."""
         found = Ruts(*np.empty((3, *surfaces.shape), np.float32))
         south_up = np.ascontiguousarray(y[::-1])
-        any_there = kernels.find_ruts(self._terrain.field, x, south_up, surfaces, *found)
-        if any_there and shown is not None:
-            for plane in found:
-                plane[~shown.pressed] = 0.0
+        heights = PathHeights() if shown is None else shown.paths
+        any_there = kernels.find_ruts(self._terrain.field, x, south_up, surfaces, heights, *found)
         return found if any_there else None
 
     def _find_crests(self, of: _Made, x: Axis, y: Axis, heights: NDArray[np.float32]) -> Crests:
@@ -249,16 +252,24 @@ class GroundPainter:
         places, jumps = np.empty((len(pairs), _WALLS)), np.zeros((len(pairs), _WALLS))
         groups: list[tuple[int, Any]] = [(0, np.s_[:])] if len(pairs) else []
         if shown is not None:
-            places, jumps = _walls_amid(x, y, pairs, shown.planes.heights, _WALLS)
+            places[:, 0], jumps[:, 0] = _wall_amid(x, y, pairs, shown.planes.heights)
             one, other = (shown.sheet.reshape(-1)[n] for n in _ends(pairs, len(x)))
             alike = np.where(one == other, one, -1)
+            if len(self._finders) > len(self._made):
+                lone = shown.lone.reshape(-1)
+                shared = ~np.logical_and(*(lone[n] for n in _ends(pairs, len(x))))
+                alike[(alike == 0) & shared] = len(self._made)
             groups = [(n, np.flatnonzero(alike == n)) for n in np.unique(alike[alike >= 0])]
-        for sheet, at in groups:
+        for finders, at in groups:
             part = pairs[at], np.empty_like(places[at]), np.zeros_like(jumps[at])
-            with self._made[sheet].finders.one() as finder:
+            with self._finders[finders].one() as finder:
                 kernels.walls_between(
                     finder, part[0], x, y, self._grid.resolution, 0.5 * self._least, *part[1:]
                 )
+            if shown is not None and finders and self._terrain.tracks:
+                place, jump = _wall_amid(x, y, part[0], -shown.rut)
+                rutted = np.abs(jump) >= 0.5 * self._least
+                part[1][rutted, -1], part[2][rutted, -1] = place[rutted], jump[rutted]
             places[at], jumps[at] = part[1:]
         return walls_in_order(pairs, len(x), places, jumps, self._grid.resolution)
 
@@ -311,19 +322,16 @@ def _ends(pairs: NDArray[np.int64], width: int) -> tuple[NDArray[np.int64], NDAr
     return pixel, pixel + np.where(pairs & 1, width, 1)
 
 
-def _walls_amid(
-    x: Axis, y: Axis, pairs: NDArray[np.int64], heights: NDArray[np.float32], most: int
+def _wall_amid(
+    x: Axis, y: Axis, pairs: NDArray[np.int64], heights: NDArray[np.float32]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """A wall of all that pixels of pairs differ by, amid each; for tops of different sheets."""
-    places, jumps = np.zeros((len(pairs), most)), np.zeros((len(pairs), most))
+    """Place and jump of a wall amid each of pairs, of all that their pixels differ by."""
     one, other = _ends(pairs, len(x))
     flat, down = heights.reshape(-1).astype(np.float64), (pairs & 1) == 1
     rise = np.where(down, flat[one] - flat[other], flat[other] - flat[one])
     column, row, below = one % len(x), one // len(x), other // len(x)
     along = 0.5 * (x[column] + x[other % len(x)])
-    places[:, 0] = np.where(down, 0.5 * (y[row] + y[below]), along)
-    jumps[:, 0] = rise
-    return places, jumps
+    return np.where(down, 0.5 * (y[row] + y[below]), along), rise
 
 
 _NO_CRESTS = Crests(*np.empty((2, 0), np.int64), *np.empty((3, 0), np.float32))

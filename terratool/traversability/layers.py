@@ -27,6 +27,8 @@ _TILE = 64
 """Rows of which a layer has a multiple in arrays of all layers."""
 _STOREY_LABELS = 1 << 31
 """Labels of tops of storeys; those of the ground are less."""
+_LOWEST = float(np.finfo(np.float32).min)
+"""Height below all paths."""
 _KEPT = 4
 """Windows whose columns are kept for the other layers."""
 
@@ -61,6 +63,11 @@ class Stack(NamedTuple):
     def layers(self) -> int:
         """Number of layers: two of each sheet, or the ground alone."""
         return 2 * self.sheets if self.sheets > 1 else 1
+
+    @property
+    def by_sheets(self) -> list[int]:
+        """Numbers of all layers, those of a sheet one after the other."""
+        return [n for sheet in range(self.sheets) for n in range(sheet, self.layers, self.sheets)]
 
     @property
     def pitch(self) -> int:
@@ -110,7 +117,8 @@ class Solids(NamedTuple):
         surface: index of the surface of the top and one, 0 for none.
         label: uint32 that tops without a wall between them have alike.
         slope_x, slope_y: float32 slopes of the top.
-        pressed: whether wheels of tracks have pressed the top.
+        above, most: as in `PathHeights`.
+        rut: float32 depth of the rut in the top, m.
     """
 
     bottom: NDArray[np.float32]
@@ -120,7 +128,22 @@ class Solids(NamedTuple):
     label: NDArray[np.uint32]
     slope_x: NDArray[np.float32]
     slope_y: NDArray[np.float32]
-    pressed: NDArray[np.bool_]
+    above: NDArray[np.float32]
+    most: NDArray[np.float32]
+    rut: NDArray[np.float32]
+
+
+class PathHeights(NamedTuple):
+    """Heights of the paths of tracks that lie on tops, float32 m; of the shape of the tops.
+
+    Attributes:
+        above: height above which they are; minus infinity for the ground, on which paths without
+            heights lie.
+        most: height up to which they are.
+    """
+
+    above: NDArray[np.float32] | None = None
+    most: NDArray[np.float32] | None = None
 
 
 class ShownGround(NamedTuple):
@@ -144,14 +167,19 @@ class LayerGround(NamedTuple):
         planes: heights, surfaces, slopes and labels of what the layer shows.
         sheet: int32 sheet of what it shows; -1 for none.
         ceiling: float32 bottom of what is over that, m; infinity for nothing.
-        pressed: whether wheels of tracks have pressed it.
+        above, most: as in `PathHeights`.
+        rut: float32 depth of the rut in it, m.
+        lone: whether nothing else is solid there.
         joined, own: as in `ShownGround`.
     """
 
     planes: Planes
     sheet: NDArray[np.int32]
     ceiling: NDArray[np.float32]
-    pressed: NDArray[np.bool_]
+    above: NDArray[np.float32]
+    most: NDArray[np.float32]
+    rut: NDArray[np.float32]
+    lone: NDArray[np.bool_]
     joined: NDArray[np.bool_]
     own: NDArray[np.bool_]
 
@@ -161,6 +189,11 @@ class LayerGround(NamedTuple):
         planes: Any = (None if one is None else one[at] for one in self.planes)
         arrays: Any = (np.ascontiguousarray(one[at]) for one in self[1:])
         return LayerGround(Planes(*planes), *arrays)
+
+    @property
+    def paths(self) -> PathHeights:
+        """Heights of the paths of tracks that lie on what it shows."""
+        return PathHeights(self.above, self.most)
 
 
 class LayerPainter:
@@ -179,17 +212,16 @@ class LayerPainter:
         self._painter = Painter(terrain, grid, slopes=True, labels=True)
         self.storeys = terrain.storeys
         self._sheets = sheet_of_elements(terrain)
-        self._kept: OrderedDict[Window, Solids | None] = OrderedDict()
+        self._pressed = terrain
+        if terrain.tracks and terrain.is_rough:
+            arrays = terrain.arrays
+            self._pressed = terrain.with_arrays(arrays._replace(reliefs=arrays.reliefs[:0]))
+        self._kept: OrderedDict[Window, Solids] = OrderedDict()
+        self._bare: set[Window] = set()
 
     def find(self, window: Window, layer: DrivingLayer) -> LayerGround | None:
         """The ground of a layer; None where no storeys are near, nor within reach."""
-        more = 2 * self._reach  # a way to what is shown is no longer, nor one to what parts tops
-        solids = self._solids(
-            Window(
-                window.row - more, window.column - more, window.height + 2 * more,
-                window.width + 2 * more,
-            )
-        )  # fmt: skip
+        solids = self._solids(self._around(window))
         if solids is None:
             return None
         shape = solids.top.shape[1:]
@@ -201,31 +233,60 @@ class LayerPainter:
         if layer == DrivingLayer(0, False):
             # where nothing is solid the ground has a void
             shown.own[solids.sheet[0] < 0] = True
+        more = 4 * self._reach
         inner = np.s_[more : more + window.height, more : more + window.width]
         parts: Any = (one[:, *inner] for one in solids)
         cut: Any = (one[inner] for one in shown)
         return _ground_of(Solids(*parts), ShownGround(*cut))
 
+    def near(self, window: Window) -> Window | None:
+        """The part of a window to which storeys may matter, as they are near; None for none."""
+        around, more = self._around(window), 4 * self._reach
+        near = self.storeys.near(*self._points(around)).reshape(around.height, around.width)
+        ends = []
+        for axis, size in ((1, window.height), (0, window.width)):
+            at = np.flatnonzero(near.any(axis=axis))
+            if not len(at):
+                return None
+            # places around are `more` ahead of those of the window
+            ends.append((max(int(at[0]) - 2 * more, 0), min(int(at[-1]) + 1, size)))
+        (top, bottom), (left, right) = ends
+        return Window(window.row + top, window.column + left, bottom - top, right - left)
+
+    def _around(self, window: Window) -> Window:
+        """A window with all around it that matters to its layers."""
+        more = 4 * self._reach  # to what is shown, and from there to what parts tops
+        return Window(
+            window.row - more, window.column - more, window.height + 2 * more,
+            window.width + 2 * more,
+        )  # fmt: skip
+
+    def _points(self, window: Window) -> list[NDArray[np.float64]]:
+        """World positions x and y of the pixels of a window."""
+        x, y = self._grid.columns(window), self._grid.rows(window)
+        return [np.ascontiguousarray(one.ravel()) for one in np.meshgrid(x, y)]
+
     def _solids(self, window: Window) -> Solids | None:
         """Find the solids of a window; None where no storeys are near."""
-        try:
-            return self._kept[window]
-        except KeyError:
-            found = self._find_solids(window)
+        if window in self._bare:
+            return None
+        found = self._kept.get(window) or self._find_solids(window)
+        if found is None:
+            self._bare.add(window)
+            return None
         self._kept[window] = found
         while len(self._kept) > _KEPT:
             self._kept.popitem(last=False)
         return found
 
     def _find_solids(self, window: Window) -> Solids | None:
-        x, y = self._grid.columns(window), self._grid.rows(window)
-        each = [np.ascontiguousarray(one.ravel()) for one in np.meshgrid(x, y)]
+        each = self._points(window)
         near = self.storeys.near(*each)
         if not near.any():
             return None
         planes = self._painter.paint(window)
-        at = np.flatnonzero(near)
-        rows, sheets, pressed = self._columns(each[0][at], each[1][at])
+        at = np.flatnonzero(near | (self._terrain.tracks > 0))
+        rows, sheets, tracked = self._columns(each[0][at], each[1][at])
         most = rows.top.shape[1]
         size = (most, window.height * window.width)
 
@@ -250,19 +311,24 @@ class LayerPainter:
             layers(np.uint32, 0, planes.labels, labels),
             layers(np.float32, 0.0, planes.slope_x, rows.slope_x),
             layers(np.float32, 0.0, planes.slope_y, rows.slope_y),
-            layers(np.bool_, True, True, pressed),
+            *(
+                layers(np.float32, 0.0, plane, values)
+                for plane, values in zip((-np.inf, np.inf, 0.0), tracked, strict=True)
+            ),
         )
 
     def _columns(
         self, x: NDArray[np.float64], y: NDArray[np.float64]
-    ) -> tuple[ColumnRows, NDArray[np.int32], NDArray[np.bool_]]:
-        """Columns at points, the sheet of each top, and whether tracks have pressed it."""
+    ) -> tuple[ColumnRows, NDArray[np.int32], NDArray[np.float64]]:
+        """Columns at points, sheets of tops, and `above`, `most` and `rut` of `Solids`."""
         terrain = self._terrain
         rows, bare, sheets = sheeted_columns(terrain, x, y, self._sheets)
-        pressed = np.ones(rows.top.shape, np.bool_)
-        if terrain.tracks and not terrain.is_rough:
-            pressed = rows.top != bare.top
-        return rows, sheets, pressed
+        above, most = np.full((2, *bare.top.shape), np.inf)
+        amid = 0.5 * (bare.top[:, 1:] + bare.top[:, :-1])
+        above[:, 1:], most[:, :-1] = amid, np.where(np.isnan(amid), np.inf, amid)
+        above[:, 0] = np.where(np.isneginf(bare.bottom[:, 0]), -np.inf, _LOWEST)
+        pressed = rows if self._pressed is terrain else self._pressed.columns_at(x, y)
+        return rows, sheets, np.stack([above, most, bare.top - pressed.top])
 
 
 class _SolidArrays(NamedTuple):
@@ -332,7 +398,9 @@ def _ground_of(solids: Solids, shown: ShownGround) -> LayerGround:
     ceiling = np.take_along_axis(over, shown.solid[None] + 1, axis=0)[0]
     ceiling[~(ceiling > -math.inf)] = np.inf
     return LayerGround(
-        planes, pick(solids.sheet, -1), np.ascontiguousarray(ceiling), pick(solids.pressed, False),
+        planes, pick(solids.sheet, -1), np.ascontiguousarray(ceiling),
+        pick(solids.above, np.inf), pick(solids.most, np.inf), pick(solids.rut, 0.0),
+        np.ascontiguousarray((solids.sheet >= 0).sum(axis=0) == 1),
         np.ascontiguousarray(shown.joined), np.ascontiguousarray(shown.own),
     )  # fmt: skip
 
@@ -382,6 +450,43 @@ def copy_from_owners(
             here = (sheets[layer] == sheet) & ~mine[layer]
             layers[layer][..., here] = known[..., here]
     return out
+
+
+def ground_tops(
+    values: NDArray[Any], own: NDArray[np.bool_], ground: NDArray[np.bool_], stack: Stack
+) -> NDArray[Any]:
+    """Values of the ground's own tops at each pixel of the grid, of the lowest where it has none.
+
+    Args:
+        values: (…, height, width) values of all layers.
+        own: pixels that have their own.
+        ground: pixels of all layers with ground.
+        stack: the layers.
+    """
+    layers, mine = stack.parts(values), stack.parts(own)
+    # where the ground has no top a floor or a deck that it is one with lies lowest
+    found, known = layers[0].copy(), mine[0] & stack.parts(ground)[0]
+    for number in stack.by_sheets[1:]:
+        here = mine[number] & ~known
+        found[..., here], known = layers[number][..., here], known | here
+    return found
+
+
+def tops_of_sheet(
+    values: NDArray[Any], own: NDArray[np.bool_], number: int, stack: Stack
+) -> NDArray[Any]:
+    """Values of the tops of a sheet at each pixel of the grid; NaN or 0 where it has none.
+
+    Args:
+        values: (…, height, width) values of all layers.
+        own: pixels that have their own.
+        number: number of the sheet.
+        stack: the layers.
+    """
+    layers, mine = stack.parts(values), stack.parts(own)
+    nothing = np.asarray(np.nan if values.dtype.kind == "f" else 0, values.dtype)
+    main, apart = number, number + stack.sheets
+    return np.where(mine[apart], layers[apart], np.where(mine[main], layers[main], nothing))
 
 
 def top_near(terrain: Terrain, x: Any, y: Any, z: Any = None) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +22,13 @@ from terratool.raster.grid import DEFAULT_PIXELS, Grid, Window, window_name
 from terratool.raster.painter import id_type
 from terratool.tasks import Work
 from terratool.traversability.fineness import coarsest_resolution
-from terratool.traversability.layers import copy_from_owners, rings, top_of_layer
+from terratool.traversability.layers import (
+    copy_from_owners,
+    ground_tops,
+    rings,
+    top_of_layer,
+    tops_of_sheet,
+)
 from terratool.traversability.map_files import MapBands, MapFiles, empty_bands, further_bands
 from terratool.traversability.map_results import CHANCE_BOUNDS, LargestPart, MapSummary, Preview
 from terratool.traversability.route.reach import (
@@ -250,6 +257,8 @@ class MapBuilder:
 
     def add(self, window: Window, parts: WindowParts) -> None:
         """Add what a map keeps of a window."""
+        if parts.shown is not None and (parts.shown < 0).all() and not np.any(parts.own):
+            return  # a layer that has and shows nothing there
         bands, part = parts.bands, part_of(window)
         self.verdict[part], self.reason[part] = bands.verdict[0], bands.classes[1]
         self.worst[part] = bands.classes[0]
@@ -266,58 +275,56 @@ class MapBuilder:
             assert parts.own is not None and parts.shown is not None
             self.own[part], self._shown[part] = parts.own, parts.shown
 
-    def bands(self, window: Window, number: int = 0) -> MapBands:
-        """Bands of a window that were kept, of a sheet as in `of_sheet`."""
+    def write(self, files: MapFiles, number: int) -> None:
+        """Write the bands that were kept into files, those of a sheet as in `of_sheet`."""
         assert self.kept is not None
-        parts = (self.of_sheet(whole, number)[:, *part_of(window)] for whole in self.kept)
-        return MapBands(*map(np.ascontiguousarray, parts))
+        whole = [self.of_sheet(plane, number) for plane in self.kept]
+        for window in self.grid.windows(TILE, TILE):
+            parts = (np.ascontiguousarray(plane[:, *part_of(window)]) for plane in whole)
+            files.write(window, MapBands(*parts))
 
     def of_sheet(self, plane: NDArray[Any], number: int) -> NDArray[Any]:
-        """Values of a sheet of storeys by its number from 1 on; 0 stands for the lowest tops."""
+        """Values of a sheet of storeys by its number from 1 on; those of the ground for 0."""
         if self.own is None:
             return plane
         if number == 0:
-            return self.lowest(plane)
-        layers, own = self.stack.parts(plane), self.stack.parts(self.own)
-        nothing = np.nan if plane.dtype.kind == "f" else 0
-        main, apart = number, number + self.stack.sheets
-        found = np.where(own[main], layers[main], np.asarray(nothing, plane.dtype))
-        return np.where(own[apart], layers[apart], found)
+            return ground_tops(plane, self.own, self.ground, self.stack)
+        return tops_of_sheet(plane, self.own, number, self.stack)
 
-    def preview(self, classes: NDArray[np.uint8]) -> Preview:
-        """The map for a picture, thinned by a stride from the north-west."""
+    def preview(self, classes: NDArray[np.uint8], reached: NDArray[np.bool_] | None) -> Preview:
+        """The map for pictures, thinned by a stride from the north-west."""
+        first, *storeys = (
+            self._preview(classes, reached, number) for number in range(self.stack.sheets)
+        )
+        return replace(first, storeys=tuple(storeys))
+
+    def _preview(
+        self, classes: NDArray[np.uint8], reached: NDArray[np.bool_] | None, number: int
+    ) -> Preview:
+        """The picture of a sheet, as in `of_sheet`."""
         grid, stride = self.grid, self._stride
         size, (_, height, width) = grid.resolution * stride, self._heights.shape
-        north, heights = grid.bounds[3], self._heights[0]
-        planes = [classes, self.worst_classes(classes), self.bits | self.onward]
-        if self.own is not None:
-            heights = heights.copy()
-            planes = [self.lowest(plane) for plane in planes]
-            for layer in self._heights[1:]:
-                np.copyto(heights, layer, where=np.isnan(heights))
-        classes, worst, bits = (plane[::stride, ::stride] for plane in planes)
+        north = grid.bounds[3]
+        heights = self._heights[number].copy()
+        sheets = self.stack.sheets
+        for layer in (
+            self.stack.by_sheets if number == 0 else range(number, len(self._heights), sheets)
+        ):
+            np.copyto(heights, self._heights[layer], where=np.isnan(heights))
+
+        def thinned(plane: NDArray[Any]) -> NDArray[Any]:
+            return self.of_sheet(plane, number)[::stride, ::stride]
+
         return Preview(
             Grid(grid.west, north - height * size, size, height, width),
             heights,
-            classes,
+            thinned(classes),
             "" if self.terrain.crs is None else shown_crs(self.terrain.crs).strip('"'),
-            worst,
-            bits,
+            thinned(self.worst_classes(classes)),
+            thinned(self.bits | self.onward),
             self.headings,
+            None if reached is None else thinned(reached),
         )
-
-    def lowest(self, plane: NDArray[Any]) -> NDArray[Any]:
-        """Values of the lowest top at each pixel of the grid, from those of all layers."""
-        assert self.own is not None
-        layers, own = self.stack.parts(plane), self.stack.parts(self.own)
-        # where the ground has no top a floor or a deck that it is one with lies lowest
-        found, known = layers[0].copy(), own[0] & self.stack.parts(self.ground)[0]
-        sheets = self.stack.sheets
-        for number in range(1, 2 * sheets):
-            layer = number // 2 + number % 2 * sheets  # the tops apart of a sheet after the others
-            here = own[layer] & ~known
-            found[..., here], known = layers[layer][..., here], known | here
-        return found
 
     def worst_classes(self, classes: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Classes with the verdict of the worst heading where they are verdicts of the best."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -86,6 +87,18 @@ class Survey:
             other = ~self.own[found, columns]
             found[other] = self.twins[found, columns][other] // self.own.shape[1]
         return found
+
+    def layer_of(self, cell: tuple[int, int], z: float = math.nan) -> int:
+        """Number of the layer that has the top nearest to z, m, at a cell of the grid.
+
+        Of two tops that are equally near it is the lower one's, and the lowest one's if z is NaN.
+        """
+        if self.stack is None or self.own is None:
+            return 0
+        row, column = cell
+        rows = row + self.stack.pitch * np.arange(self.stack.layers)
+        tops = np.where(self.own[rows, column], self.heights[rows, column], np.nan)
+        return int(np.lexsort((tops, np.abs(tops - z)))[0])
 
     @property
     def headings(self) -> int:
@@ -195,6 +208,8 @@ class Preview:
         bits: (height, width) headings with which the vehicle drives, as bits, the first in the
             lowest; the ground is taken to go on beyond the rim. None where they are not known.
         headings: number of headings of `bits`.
+        reached: (height, width) bool, pixels that can be reached; None where no start is given.
+        storeys: pictures of the tops of each sheet of storeys; this one has those of the ground.
     """
 
     grid: Grid
@@ -204,3 +219,5 @@ class Preview:
     worst: NDArray[np.uint8] | None = None
     bits: NDArray[np.unsignedinteger[Any]] | None = None
     headings: int = HEADINGS
+    reached: NDArray[np.bool_] | None = None
+    storeys: tuple[Preview, ...] = ()

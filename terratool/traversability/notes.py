@@ -76,8 +76,8 @@ def storeys_note(terrain: Terrain) -> Iterator[str]:
     if terrain.storeys is not None:
         counts = decks_and_bores(terrain.storeys.decks, terrain.storeys.bores)
         yield (
-            f"The terrain has {counts}. All tops are judged and count in shares; the picture has "
-            "the lowest ones."
+            f"The terrain has {counts}. All tops are judged and count in shares; decks and "
+            "bores have maps of their own."
         )
 
 

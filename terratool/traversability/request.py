@@ -36,7 +36,8 @@ class Request:
     Attributes:
         routes: x and y of the start and of the goal of each route, m; each with the height of the
             storey that is meant, or without for the ground.
-        waypoints: (n, 2) float64 points of each way that is to be checked, m.
+        waypoints: float64 points of each way that is to be checked, m: (n, 2), or (n, 3) with the
+            height of the floor that each is on.
         returns: whether the ways back are wanted, too.
         start: x and y of the place from which reachable ground counts, m, and the height of its
             storey, if it is on one; the largest part of the ground counts if None.
@@ -133,8 +134,8 @@ def _places(request: Request) -> Iterator[tuple[str, Place]]:
         for what, place in zip(("start", "goal"), ends_of(route), strict=True):
             yield f"The route's {what}{of}", place
     for points in request.waypoints:
-        for number, (x, y) in enumerate(points.tolist(), 1):
-            yield f"Waypoint {number}", (x, y)
+        for number, place in enumerate(points.tolist(), 1):
+            yield f"Waypoint {number}", tuple(place)
     if request.start is not None:
         of = f" of {request.start_of}" if request.start_of else ""
         yield f"The place to start from{of}", request.start

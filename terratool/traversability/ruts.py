@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -29,6 +29,7 @@ from terratool.report.numbers import coordinates
 from terratool.text.display import quote
 from terratool.text.edit import set_member
 from terratool.text.source import Source, read_source, write_source
+from terratool.traversability.layers import sample_near, top_near
 from terratool.traversability.limits import wheel_layout, wheel_loads
 from terratool.traversability.route.paths import check_inside
 from terratool.traversability.soil import bekker_sinkage
@@ -40,7 +41,7 @@ TURN_STEP = math.radians(10.0)
 """Largest step of a turn on the spot, rad."""
 
 Points = NDArray[np.float64]
-"""Points (n, 2), or numbers (n,), in world units."""
+"""Points (n, 2) or (n, 3), or numbers (n,), in world units."""
 
 MOST_PASSES = 1_000_000_000
 """Most passes of a drive."""
@@ -48,11 +49,17 @@ SHARE = 0.2
 """Default tolerance of wheel lines, in widths of the narrowest wheel."""
 _SAMPLES = 2_000_000
 """Most samples along a wheel's line."""
+_COVERED = (
+    "The path has no heights, so its ruts lie on the ground, below decks. Give points x, y and z "
+    "for ruts on a deck."
+)
 _DIGITS = 6
 """Significant digits of depths and loads in a definition."""
 
 
-def wheel_paths(vehicle: Vehicle, path: Points, tolerance: float) -> list[tuple[int, Points]]:
+def wheel_paths(
+    vehicle: Vehicle, path: Points, tolerance: float, floors: Terrain | None = None
+) -> list[tuple[int, Points]]:
     """The lines that the wheels roll along, seen from above.
 
     The vehicle is a rigid body that turns by skidding: its middle stays on the path, and it heads
@@ -60,12 +67,16 @@ def wheel_paths(vehicle: Vehicle, path: Points, tolerance: float) -> list[tuple[
 
     Args:
         vehicle: the vehicle; wheels of one axle are spread evenly over the track.
-        path: (n, 2) world coordinates, m, without repeated points.
+        path: (n, 2) world coordinates, m, without repeated points; (n, 3) with heights of floors.
         tolerance: largest distance by which the lines are simplified, m.
+        floors: terrain on whose tops the wheels stand; wanted with heights alone.
 
     Returns:
-        Index in the `wheel_layout` and line, (m, 2), of each wheel; of several wheels at one place
-        only the first.
+        Index in the `wheel_layout` and line, (m, 2) or (m, 3), of each wheel; of several wheels at
+        one place only the first.
+
+    Raises:
+        RequestError: a wheel stands on nothing near the path.
     """
     places, headings = _poses(path)
     ahead = np.column_stack([np.sin(headings), np.cos(headings)])
@@ -74,14 +85,54 @@ def wheel_paths(vehicle: Vehicle, path: Points, tolerance: float) -> list[tuple[
     first: dict[tuple[float, float], int] = {}
     for index, place in enumerate(zip(wheels.x.tolist(), wheels.y.tolist(), strict=True)):
         first.setdefault(place, index)
-    return [
-        (index, simplify(places + (x - vehicle.middle) * ahead - y * right, tolerance))
-        for (x, y), index in first.items()
-    ]
+    lines = []
+    for (x, y), index in first.items():
+        along = x - vehicle.middle
+        line = places[:, :2] + along * ahead - y * right
+        if floors is not None:
+            reach = math.hypot(along, y) + vehicle.all_wheels[index].radius
+            line = _on_floors(floors, line, _heights_along(places, along), reach)
+        lines.append((index, simplify(line, tolerance)))
+    return lines
+
+
+def _heights_along(places: Points, ahead: float) -> Points:
+    """Heights of a path, (n, 3), so far ahead of each of its places, m; it goes on straight."""
+    run = np.r_[0.0, np.cumsum(np.hypot(*np.diff(places[:, :2], axis=0).T))]
+    z, at = places[:, 2], run + ahead
+    far, keep = np.r_[True, np.diff(run) > 0.0], run[-1]
+    run, heights = run[far], z[far]
+    slopes = np.diff(heights) / np.diff(run)
+    before, beyond = np.minimum(at, 0.0) * slopes[0], np.maximum(at - keep, 0.0) * slopes[-1]
+    return np.asarray(np.interp(at, run, heights) + before + beyond, np.float64)
+
+
+def _on_floors(floors: Terrain, line: Points, z: Points, reach: float) -> Points:
+    """A wheel's line, (n, 2), on the tops nearest to heights z, (n,): (n, 3).
+
+    Raises:
+        RequestError: a top is farther than `reach` from its height, m.
+    """
+    tops = np.asarray(top_near(floors, line[:, 0], line[:, 1], z), np.float64)
+    far = np.flatnonzero(np.abs(tops - z) > reach)
+    if len(far):
+        at = far[0]
+        raise _off_floor(line[at], float(tops[at]), float(z[at]))
+    return np.column_stack([line, np.where(np.isnan(tops), z, tops)])
+
+
+def _off_floor(place: Points, top: float, z: float) -> RequestError:
+    """The error of a wheel that stands on nothing near its vehicle."""
+    away = "below" if top < z else "above"
+    return RequestError(
+        f"A wheel would leave the vehicle's floor at {coordinates(place.round(3))}: what is there "
+        f"lies {abs(top - z):.2g} m {away} it.",
+        "Lead the path where all wheels are on the floor, and give more points with its height.",
+    )
 
 
 def _poses(path: Points) -> tuple[Points, Points]:
-    """Poses along a path: places (n, 2), and headings (n,), rad clockwise from north."""
+    """Poses along a path: places, as the path's points, and headings, rad clockwise from north."""
     legs = np.diff(path, axis=0)
     headings = np.arctan2(legs[:, 0], legs[:, 1])
     places, turned = [path[0]], [headings[0]]
@@ -120,12 +171,12 @@ def simplify(line: Points, tolerance: float) -> Points:
 
 
 def distances(points: Points, begin: Points, end: Points) -> Points:
-    """Distances of points, (n, 2), from a segment, (n,)."""
+    """Distances of points, (n, 2) or (n, 3), from a segment, (n,)."""
     along = end - begin
     length = float(along @ along)
     t = ((points - begin) @ along) / length if length else np.zeros(len(points))
     nearest = begin + np.clip(t, 0.0, 1.0)[:, None] * along
-    return np.asarray(np.hypot(*(points - nearest).T), np.float64)
+    return np.asarray(np.hypot.reduce(points - nearest, axis=1), np.float64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,7 +257,7 @@ def check_path(path: Points, extent: Bounds) -> None:
     """Refuse a path that leaves a terrain.
 
     Args:
-        path: (n, 2) x and y of the middle of the vehicle.
+        path: (n, 2) x and y of the middle of the vehicle, or (n, 3) with heights.
         extent: west, south, east, north of the terrain.
 
     Raises:
@@ -231,16 +282,16 @@ def deform(
     Args:
         checked: a terrain from `terratool.check` or `load_checked`.
         vehicle: the vehicle.
-        path: (n, 2) world coordinates of the way of the vehicle's middle, m.
+        path: (n, 2) world coordinates of the way of the vehicle's middle, m, on the ground; (n, 3)
+            with heights near the tops that it drives on.
         options: passes, and what becomes of the ruts; the defaults if None.
 
     Raises:
         DefinitionError: the terrain has errors.
-        RequestError: the path is too short, leaves the terrain or its ground, or lies on a surface
-            without a sinkage; or the terrain is in degrees; or the vehicle has no wheels.
+        RequestError: the path is too short, leaves the terrain, its ground or a storey, or lies on
+            a surface without a sinkage; or the terrain is in degrees; or the vehicle has no wheels.
         MissedError: a wheel would sink by its radius or more.
     """
-    path = _drop_repeats(path)
     if checked.terrain is None:
         raise refusal(checked)
     definition = checked.terrain
@@ -256,9 +307,11 @@ def deform(
     if tolerance is None:
         tolerance = SHARE * min(wheel.width for wheel in wheels)
     bare = msgspec.structs.replace(definition, tracks=UNSET)
-    ground = Terrain(msgspec.structs.replace(checked, terrain=bare)).ground_alone
-    ground.refuse_degrees("A vehicle")
-    surfaces = ground.surface_types  # those of libraries, too
+    floors = Terrain(msgspec.structs.replace(checked, terrain=bare), roughness=False)
+    floors.refuse_degrees("A vehicle")
+    storeyed = floors.storeys is not None
+    path = _drop_repeats(path if storeyed else path[:, :2])
+    surfaces = floors.surface_types  # those of libraries, too
     known = () if checked.document is None else known_names(checked.document).surfaces
     if surface is not None and surface not in known:
         raise RequestError(
@@ -268,11 +321,14 @@ def deform(
     lengths: dict[str, float] = {}
     deepest: dict[str, float] = {}
     fresh: list[Track] = []
-    for index, line in wheel_paths(vehicle, path, tolerance):
+    covered = False
+    lines = wheel_paths(vehicle, path, tolerance, floors if path.shape[1] > 2 else None)
+    for index, line in lines:
         load, wheel = float(loads[index]), wheels[index]
-        found = _surfaces_along(ground, line, 0.5 * wheel.width)
+        found = _ground_along(floors, line, wheel)
+        covered |= found.covered
         presets: dict[str, float] = {}
-        for name, length in found.items():
+        for name, length in found.lengths.items():
             depth, is_preset = _depth(name, surfaces[name], wheel, load)
             if is_preset:
                 presets[name] = _round_number(depth)
@@ -280,7 +336,9 @@ def deform(
             deepest[name] = max(deepest.get(name, 0.0), depth)
         fresh.append(
             Track(
-                path=_round_line(line, min(tolerance, SHARE * wheel.width)),
+                path=_round_line(
+                    line[:, :2] if found.grounded else line, min(tolerance, SHARE * wheel.width)
+                ),
                 width=wheel.width,
                 load=_round_number(load * 1e-3),
                 depth=presets or UNSET,
@@ -299,17 +357,17 @@ def deform(
         points=sum(len(track.path) for track in fresh),  # type: ignore[arg-type, misc]
         ruts=tuple(Rut(name, lengths[name], deepest[name]) for name in sorted(lengths)),
         ranged=tuple(n for n in sorted(lengths) if "sinkage" in surfaces[n].ranges),
-        notes=ground.hidden,
+        notes=(_COVERED,) if covered else (),
     )
 
 
-def _drop_repeats(path: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Leave out points of a path, (n, 2), that repeat the point before.
+def _drop_repeats(path: Points) -> Points:
+    """Leave out points of a path that have the place of the point before.
 
     Raises:
         RequestError: fewer than two points are left.
     """
-    moved = np.concatenate([[True], (np.diff(path, axis=0) != 0.0).any(axis=1)])
+    moved = np.concatenate([[True], (np.diff(path[:, :2], axis=0) != 0.0).any(axis=1)])
     if np.count_nonzero(moved) < 2:
         raise RequestError(
             "The path has fewer than two different points.", "Give where it begins and ends."
@@ -318,13 +376,29 @@ def _drop_repeats(path: NDArray[np.float64]) -> NDArray[np.float64]:
     return out
 
 
-def _surfaces_along(ground: Terrain, line: NDArray[np.float64], spacing: float) -> dict[str, float]:
-    """Length of a line on each surface, m, by name, from samples about `spacing` m apart.
+class _GroundAlong(NamedTuple):
+    """Ground that a wheel runs over.
+
+    Attributes:
+        lengths: length of its line on each surface, m, by name.
+        grounded: whether all of the line lies on the ground, rather than on storeys.
+        covered: whether the line, which has no heights, has storeys over it.
+    """
+
+    lengths: dict[str, float]
+    grounded: bool
+    covered: bool
+
+
+def _ground_along(floors: Terrain, line: Points, wheel: Wheel) -> _GroundAlong:
+    """Find what a wheel runs over, from samples about half its width apart.
 
     Raises:
-        RequestError: the line leaves the terrain or its ground, or some ground has no surface.
+        RequestError: the line leaves the terrain, its ground or the floor that it is on, or some
+            ground has no surface.
     """
-    lengths = np.hypot(*np.diff(line, axis=0).T)
+    spacing = 0.5 * wheel.width
+    lengths = np.hypot(*np.diff(line[:, :2], axis=0).T)
     if lengths.sum() / spacing > _SAMPLES:
         spacing = lengths.sum() / _SAMPLES
     counts = np.maximum(1, np.ceil(lengths / spacing)).astype(np.int64)
@@ -332,11 +406,12 @@ def _surfaces_along(ground: Terrain, line: NDArray[np.float64], spacing: float) 
     within = np.arange(len(leg)) - np.repeat(np.cumsum(counts) - counts, counts)
     t = ((within + 0.5) / counts[leg])[:, None]
     places = np.concatenate([line[leg] * (1 - t) + line[leg + 1] * t, line[[0, -1]]])
-    x, y = places.T
-    samples = ground.sample(x, y)
+    x, y, *z = places.T
+    ground = floors.ground(x, y)
+    samples = sample_near(floors, x, y, z[0] if z else ground)
     void = np.flatnonzero(np.isnan(samples.height))
     if len(void):
-        at = places[void[0]]
+        at = places[void[0], :2]
         outside = samples.element[void[0]] == OUTSIDE
         raise RequestError(
             f"A wheel would run {'outside of the terrain' if outside else 'over no ground'} at "
@@ -345,19 +420,29 @@ def _surfaces_along(ground: Terrain, line: NDArray[np.float64], spacing: float) 
             if outside
             else "Lead the path around it.",
         )
+    tops = samples.height
+    if z:
+        jumps = np.abs(np.diff(tops[:-2])) > wheel.radius + spacing
+        if jumps.any():
+            n = int(jumps.argmax())
+            raise _off_floor(places[n + 1, :2], float(tops[n + 1]), float(tops[n]))
     unnamed = np.flatnonzero(samples.surface < 0)
     if len(unnamed):
-        at = places[unnamed[0]]
+        at = places[unnamed[0], :2]
         raise RequestError(
             f"The ground at {coordinates(at.round(3))} has no surface, so nothing says how deep a "
             "wheel sinks.",
             'Give the root element a "surface".',
         )
     metres = np.bincount(
-        samples.surface[: len(leg)], lengths[leg] / counts[leg], len(ground.surfaces)
+        samples.surface[: len(leg)], lengths[leg] / counts[leg], len(floors.surfaces)
     )
     seen = np.unique(samples.surface)
-    return {ground.surfaces[i]: float(metres[i]) for i in seen.tolist()}
+    return _GroundAlong(
+        {floors.surfaces[i]: float(metres[i]) for i in seen.tolist()},
+        bool((tops == ground).all()),
+        not z and bool((tops < floors.height(x, y)).any()),
+    )
 
 
 def _depth(name: str, surface: Surface, wheel: Wheel, load: float) -> tuple[float, bool]:
@@ -386,10 +471,10 @@ def _depth(name: str, surface: Surface, wheel: Wheel, load: float) -> tuple[floa
     return depth, surface.sinkage is UNSET
 
 
-def _round_line(line: NDArray[np.float64], tolerance: float) -> tuple[tuple[float, float], ...]:
-    """Round a line, (n, 2): x and y move by a quarter of the tolerance, m, at most."""
+def _round_line(line: Points, tolerance: float) -> tuple[tuple[float, ...], ...]:
+    """Round a line: x, y and z move by a quarter of the tolerance, m, at most."""
     decimals = max(0, math.ceil(-math.log10(0.5 * tolerance)))
-    rounded = [(round(x, decimals) + 0.0, round(y, decimals) + 0.0) for x, y in line.tolist()]
+    rounded = [tuple(round(one, decimals) + 0.0 for one in point) for point in line.tolist()]
     kept = [rounded[0]]
     kept += [point for before, point in pairwise(rounded) if point != before]
     return tuple(kept)

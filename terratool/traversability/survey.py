@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -231,11 +232,13 @@ class Surveyor:
         )
         slopes = vehicle.wheelbase == 0.0 or vehicle.track_width == 0.0
         radii = [tread.radius for tread in self._footprint.by_heading[0].treads]
-        layers, rise = None, 0.0
+        self._layers, rise = None, 0.0
         if terrain.storeys is not None:
             rise = self.highest_step + STEEP * self._fine.resolution
-            layers = LayerPainter(terrain.written_out, self._fine, rise, self._footprint.halo)
-        self._painter = GroundPainter(terrain, self._fine, _LEAST * radii[0], slopes, radii, layers)
+            self._layers = LayerPainter(terrain.written_out, self._fine, rise, self._footprint.halo)
+        self._painter = GroundPainter(
+            terrain, self._fine, _LEAST * radii[0], slopes, radii, self._layers
+        )
         if isinstance(uncertainty, SoilSamples):
             uncertainty = Uncertainty((uncertainty,))
         self._plan = SweepPlan(
@@ -311,7 +314,27 @@ class Surveyor:
     def windows(self, window: Window) -> Iterator[Window]:
         """Cut a window into windows that are small enough to be measured at once."""
         side = max(math.isqrt(_FINE_PIXELS) // self._plan.parts - 2 * self._plan.halo, 16)
-        return window.cut(min(_WINDOW[0], side), min(_WINDOW[1], side))
+        for one in window.cut(min(_WINDOW[0], side), min(_WINDOW[1], side)):
+            yield from self._parted(one)
+
+    def _parted(self, window: Window) -> Iterator[Window]:
+        """Part a window into what storeys are near to, and what lies beside that."""
+        _, flat = self.stack.split(window)
+        near = self._layers and self._layers.near(self._plan.around(flat))
+        if not near:
+            yield window
+            return
+        parts, halo = self._plan.parts, self._plan.halo
+        first, last = near.row // parts - halo, -(-(near.row + near.height) // parts) + halo
+        left, right = near.column // parts - halo, -(-(near.column + near.width) // parts) + halo
+        ends = flat.row + flat.height, flat.column + flat.width
+        rows = np.clip([flat.row, first, last, ends[0]], flat.row, ends[0])
+        columns = np.clip([flat.column, left, right, ends[1]], flat.column, ends[1])
+        for n, (top, bottom) in enumerate(pairwise(rows.tolist())):
+            for west, east in pairwise((columns if n == 1 else columns[[0, 3]]).tolist()):
+                if bottom > top and east > west:
+                    row = window.row + top - flat.row
+                    yield Window(row, west, bottom - top, east - west)
 
     def measure(self, window: Window, *, sampled: bool = True) -> WindowMeasures:
         """Measure a window of the grid; with the probability of go, if that is `sampled`."""

@@ -246,11 +246,13 @@ class SurveyTiles:
         )  # fmt: skip
 
     def cell_of(self, place: tuple[float, ...]) -> tuple[int, int]:
-        """Row and column of the cell that holds a place; the ground's where that is of two."""
-        found = None
-        if self._surveyor is not None and self._shown is not None:
-            found = self._surveyor.cell_of(place)
-        return found or cell_of(self.survey.grid, *place[:2])
+        """Row in all layers and column of the cell that holds a place, as `Surveyor.cell_of`."""
+        row, column = cell_of(self.survey.grid, *place[:2])
+        if self._shown is not None:
+            self._complete_layers(None)
+        stack = self.survey.stack
+        number = self.survey.layer_of((row, column), *place[2:])
+        return row + (0 if stack is None else number * stack.pitch), column
 
     @property
     def zones(self) -> tuple[Zone, ...]:

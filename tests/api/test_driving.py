@@ -129,7 +129,7 @@ def test_libraries_are_found_after_a_drive(file: Path, tmp_path: Path) -> None:
         ({"max_error": 0.0}, "The largest error is 0. Give a finite length above 0."),
         ({"surface": "mud"}, 'There is no surface "mud" for the ruts.'),
         ({"waypoints": [(0, 0), (1, 1)]}, "A point of the path"),
-        ({"waypoints": [(1, 2)]}, "Give two or more rows of x and y."),
+        ({"waypoints": [(1, 2)]}, "Give two or more rows of x and y, or of x, y and z."),
     ],
 )
 def test_a_drive_that_makes_no_sense_is_refused(

@@ -120,21 +120,6 @@ def test_verdicts_of_a_difference_are_of_the_ground(bridge: Path, tmp_path: Path
     assert notes == [f"Verdicts on the {side} terrain: {NOTE}" for side in ("old", "new")]
 
 
-def test_ruts_are_driven_on_the_ground(bridge: Path, tmp_path: Path) -> None:
-    """Through the valley below the slab, which is no obstacle to the path."""
-    path = tmp_path / "path.csv"
-    path.write_text("20,2\n20,18\n", "utf-8")
-    soft = json.loads(bridge.read_text("utf-8"))
-    soft["surfTypes"]["grass"] = {**SOIL, "sinkage": 0.001}
-    bridge.write_text(json.dumps(soft), "utf-8")
-    words = "--vehicle", ROVER, "--waypoints", path, "-o", tmp_path / "driven.json"
-    ran = call("deform", bridge, *words, "--json")
-    assert (ran.code, ran.err) == (0, "")
-    found = json.loads(ran.out)
-    assert found["notes"] == [NOTE] and found["surfaces"][0]["surface"] == "grass"
-    assert len(found["surfaces"]) == 1
-
-
 def test_info_counts_and_hides_nothing(bridge: Path) -> None:
     """Heights are those of the tops; outlines are those of all elements."""
     ran = call("info", bridge)

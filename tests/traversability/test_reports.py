@@ -384,7 +384,7 @@ class TestPicture:
             assert shades[verdict.label] == "#{:02x}{:02x}{:02x}".format(*color)
 
     def test_the_png_holds_what_was_painted(self) -> None:
-        pixels = drawing.map_picture(reports.preview(), reports.best_cells())
+        pixels = drawing.map_picture(replace(reports.preview(), reached=reports.best_cells()))
         assert pixels.shape == (270, 720, 4)
         assert pixels[5, -5, 3] == 0  # no ground in the north-east
         with warnings.catch_warnings():

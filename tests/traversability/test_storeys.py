@@ -21,7 +21,7 @@ from terratool.field.terrain import Terrain
 from terratool.kernels import traversability as kernels
 from terratool.raster.grid import Grid, Window, grid_over
 from terratool.traversability.assess import assess
-from terratool.traversability.layers import ShownGround
+from terratool.traversability.layers import ShownGround, tops_of_sheet
 from terratool.traversability.map import MapBuilder, begin_of, stream_map
 from terratool.traversability.preparing import prepare_assessment
 from terratool.traversability.report.wording import barrier
@@ -30,7 +30,7 @@ from terratool.traversability.results import TraversabilityReport
 from terratool.traversability.route.results import Route
 from terratool.traversability.soil import turnings
 from terratool.traversability.survey import Surveyor
-from terratool.traversability.vehicle import Axle, Vehicle, Wheel
+from terratool.traversability.vehicle import Axle, Overhang, Vehicle, Wheel
 from terratool.traversability.verdicts import Reason, Verdict
 from tests.conftest import terrain_of
 from tests.storey_examples import CAR_PARK, PRIMITIVES, RACK, TUNNEL, Json, box
@@ -98,9 +98,7 @@ class Judged:
     def sheet(self, plane: NDArray[Any], number: int) -> NDArray[Any]:
         """Values of the tops of a sheet; of the ground for 0, where it has a top."""
         assert self.builder.own is not None
-        layers, own = self.stack.parts(plane), self.stack.parts(self.builder.own)
-        apart = number + self.stack.sheets
-        return np.where(own[apart], layers[apart], np.where(own[number], layers[number], 0))
+        return tops_of_sheet(plane, self.builder.own, number, self.stack)
 
     def area(self, plane: NDArray[Any], number: int) -> float:
         return float(np.count_nonzero(self.sheet(plane, number))) * self.grid.resolution**2
@@ -133,6 +131,9 @@ def test_a_car_park_is_driven_up_to_its_upper_floor(turned: bool) -> None:
     assert [judged.area(own, n) for n in range(3)] == [597.0, 436.0, 80.0]
     assert [judged.area(reached, n) for n in range(3)] == [571.0, 436.0, 0.0]
     assert [judged.area(returned, n) for n in range(3)] == [571.0, 436.0, 0.0]
+    x = judged.grid.columns(judged.grid.whole)
+    floor = x < 20.0 if turned else x > 10.0
+    assert judged.area(reached * floor, 1) == 396.0 and judged.area(reached * ~floor, 1) == 40.0
 
 
 @pytest.mark.slow
@@ -252,6 +253,17 @@ def test_headroom_is_that_of_the_whole_rectangle() -> None:
     assert found.reason[2, 0, 0] == Reason.HEADROOM and found.verdict[0, 0, 0] == Verdict.GO
 
 
+def test_headroom_is_that_of_an_overhang_at_the_front() -> None:
+    """A boom 0.6 m ahead of the front axle reaches below a deck at which the cart looks."""
+    low = box(2, 0, 3, 2, vScale=0.5, surface="wood", deck={"thickness": 0.1})
+    boomed = replace(cart(0.6), front=Overhang(0.6, 0.3))
+    surveyor = Surveyor(terrain_of(lane(low)), boomed, Grid(0.0, 0.0, 0.1, 20, 40))
+    found = surveyor.measure(Window(10, 14, 1, 1))  # its middle is 0.55 m west of the deck
+    assert found.headroom is not None
+    east, west = found.headroom[2, 0, 0], found.headroom[6, 0, 0]
+    assert np.isposinf(west) and east == pytest.approx(0.4)
+
+
 def test_headroom_on_a_slope_is_at_right_angles_to_it() -> None:
     """Under a deck that rises as the ground does, 0.5 m above it: 0.5 cos of the slope."""
     slope = box(0, 0, 4, 2, type="ramp", vScale=1.0)
@@ -318,9 +330,8 @@ def test_a_plank_leads_over_a_ditch_and_its_bed_leads_below() -> None:
     assert not routed(ditch(), cart(0.5), 4, 2.5, 0, 4, 5.3, -1).found
 
 
-@pytest.mark.slow
-def test_a_way_may_wind_up_over_itself() -> None:
-    """Four ramps around a yard, each on the end of the one before, the last above the first."""
+def spiral() -> Json:
+    """Four ramps around a yard, each on the end of the one before, a fifth above the first."""
     deck = {"thickness": 0.1, "datum": True}
 
     def ramp(place: tuple[float, ...], low: float, kind: str) -> Json:
@@ -329,7 +340,7 @@ def test_a_way_may_wind_up_over_itself() -> None:
     def pad(place: tuple[float, ...], top: float) -> Json:
         return box(*place, vScale=top, surface="wood", deck=deck)
 
-    spiral = site(
+    found = site(
         [9, 9],
         ramp((2, 1, 7, 2), 0.0, "east"), pad((7, 1, 8, 2), 0.6),
         ramp((7, 2, 8, 7), 0.6, "north"), pad((7, 7, 8, 8), 1.2),
@@ -337,11 +348,16 @@ def test_a_way_may_wind_up_over_itself() -> None:
         ramp((1, 2, 2, 7), 1.8, "south"), pad((1, 1, 2, 2), 2.4),
         ramp((2, 1, 6, 2), 2.4, "east"),
     )  # fmt: skip
-    spiral["elemTypes"] = {
+    found["elemTypes"] = {
         "box": {"x": [1]}, "east": {"x": [0, 1]}, "west": {"x": [1, 0]},
         "north": {"x": [1], "y": [0, 1]}, "south": {"x": [1], "y": [1, 0]},
     }  # fmt: skip
-    found = routed(spiral, cart(0.5), 1, 1.5, 0, 5, 1.5, 2.85)
+    return found
+
+
+@pytest.mark.slow
+def test_a_way_may_wind_up_over_itself() -> None:
+    found = routed(spiral(), cart(0.5), 1, 1.5, 0, 5, 1.5, 2.85)
     assert found.found and found.profile is not None
     height = np.array(found.profile.height)
     assert height[-1] == pytest.approx(2.85, abs=0.03) and (np.diff(height) > -0.05).all()
@@ -372,6 +388,48 @@ def test_a_layer_shows_what_is_before_a_vehicle() -> None:
 class Arrays:
     def __init__(self, bottom: Any, top: Any, sheet: Any) -> None:
         self.bottom, self.top, self.sheet = bottom, top, sheet
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("of", ["ditch", "spiral"])
+def test_each_window_is_part_of_the_whole(of: str) -> None:
+    """In all layers, those of tops that lie apart, too; windows of four pixels by four."""
+    terrain = terrain_of(ditch() if of == "ditch" else spiral())
+    grid = grid_over(terrain, 0.2)
+    surveyor = Surveyor(terrain, cart(0.5), grid)
+    stack, apart = surveyor.stack, 0
+    for number in range(stack.layers):
+        first = number * stack.pitch
+        whole = surveyor.measure(Window(first, 0, grid.height, grid.width))
+        assert whole.own is not None
+        apart += np.count_nonzero(whole.own) * (number >= stack.sheets)
+        for window in grid.windows(4, 4):
+            at = np.s_[..., window.row : window.row + 4, window.column : window.column + 4]
+            placed = replace(window, row=first + window.row)
+            part = surveyor.measure(placed)
+            for name in ("own", "shown"):
+                np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[at])
+            for name in ("verdict", "reason", "headroom"):
+                here, wanted = getattr(part, name), getattr(whole, name)[at]
+                np.testing.assert_array_equal(here[:, part.own], wanted[:, part.own])
+    assert apart > 0 or of == "ditch"
+
+
+def test_a_map_has_the_holes_of_the_ground() -> None:
+    """Where nothing is solid there is no ground, and a floor over a hole is what lies lowest."""
+    pit = box(1, 0, 3, 2, surface="hole", vScale=0)
+    floor = box(1, 0.5, 2, 1.5, surface="wood", vScale=0.0, deck={"thickness": 0.1, "datum": True})
+    judged = Judged(lane(pit, floor), wheel(0.5), (0.5, 1.0), 0.1)
+    reason = judged.builder.of_sheet(judged.builder.reason, 0)
+    x, y = (axis(judged.grid.whole) for axis in (judged.grid.columns, judged.grid.rows))
+    hole = (x > 1.5) & (x < 2.5) & ((y < 0.3) | (y > 1.7))[:, None]
+    np.testing.assert_array_equal(reason[hole], Reason.NO_GROUND)
+    preview = judged.builder.preview(judged.classes, None)
+    covered = (x > 1) & (x < 2) & ((y > 0.5) & (y < 1.5))[:, None]
+    known = ~((x > 1) & (x < 3)) | covered
+    np.testing.assert_array_equal(np.isfinite(preview.heights), known)
+    (storey,) = preview.storeys
+    np.testing.assert_array_equal(np.isfinite(storey.heights), covered)
 
 
 def test_reports_say_whether_headroom_is_judged() -> None:

@@ -42,6 +42,33 @@ def test_waypoints_are_read(tmp_path: Path, text: str) -> None:
     assert read_waypoints(path).tolist() == [[1, 2], [3.5, -4]]
 
 
+RISING: dict[str, Any] = {"type": "LineString", "coordinates": [[1, 2, 0], [3.5, -4, 9, 1]]}
+REPORT = {
+    "features": [
+        {"type": "Feature", "geometry": LINE, "properties": {"kind": "stretch"}},
+        {"type": "Feature", "geometry": RISING, "properties": {"kind": "route"}},
+        {"type": "Feature", "geometry": LINE, "properties": None},
+    ]
+}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1,2,0\n3.5,-4,9\n",
+        "1 2 0\n3.5 -4 9",
+        "Z;note;Y;X\n0;a;2;1\n9;b;-4;3.5\n",
+        json.dumps(RISING),
+        json.dumps(REPORT),
+    ],
+)
+def test_waypoints_may_have_heights(tmp_path: Path, text: str) -> None:
+    """All of them; of the lines of a report its route is meant."""
+    path = tmp_path / "way"
+    path.write_text(text)
+    assert read_waypoints(path).tolist() == [[1, 2, 0], [3.5, -4, 9]]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -49,6 +76,8 @@ def test_waypoints_are_read(tmp_path: Path, text: str) -> None:
         ("x,y\n", "holds no waypoints"),
         ("1,2\n", "holds one waypoint"),
         ("1,2\n3\n", ':2: "3" holds no two numbers'),
+        ("1,2,3\n4,5\n", ':2: "4,5" holds no three numbers x, y and z'),
+        ("x,y,z\n1,2,\n", ':2: "1,2," holds no three numbers x, y and z'),
         ("lon,lat\n1,2\n3,4\n", ':1: "lon,lat" has no columns x and y'),
         ("1,2\n\n# c\nx,y\n", ":4: "),
         ("1,2\n3,nan\n", ':2: "3,nan" holds no two numbers'),
@@ -62,6 +91,7 @@ def test_waypoints_are_read(tmp_path: Path, text: str) -> None:
         ('{"type": "FeatureCollection", "features": {"a": 1}}', "holds no LineStrings"),
         ('{"type": "FeatureCollection", "features": 5}', "holds no LineStrings"),
         (json.dumps({"features": [FEATURE, FEATURE]}), "holds 2 LineStrings"),
+        (json.dumps({"features": REPORT["features"] * 2}), "holds 2 LineStrings"),
         ('{"type": "LineString"}', "has no coordinates"),
         ('{"type": "LineString", "coordinates": []}', "holds no waypoints"),
         ('{"type": "LineString", "coordinates": [[1, 2], 3]}', "the LineString has a position 1, "),

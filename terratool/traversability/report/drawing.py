@@ -253,11 +253,11 @@ def _contours(heights: NDArray[np.float32], interval: float) -> NDArray[np.bool_
     return lines
 
 
-def map_picture(map_: Preview, reached: NDArray[np.bool_] | None = None) -> NDArray[np.uint8]:
+def map_picture(map_: Preview) -> NDArray[np.uint8]:
     """Picture of a map, (height, width, 4) uint8 RGBA, transparent where there is no ground.
 
     A pixel of the map becomes a square of pixels, so that the longer side has 720 or more. The
-    ground that can be reached, (height, width) bool, gets an outline.
+    ground that can be reached gets an outline.
     """
     shade = hillshade(
         map_.heights, map_.grid.resolution, exaggeration(map_.heights, map_.grid.resolution)
@@ -274,8 +274,8 @@ def map_picture(map_: Preview, reached: NDArray[np.bool_] | None = None) -> NDAr
     painted = painted.repeat(scale, axis=0).repeat(scale, axis=1)
     what = map_.ground.repeat(scale, axis=0).repeat(scale, axis=1)
     hatch(painted, what)
-    if reached is not None:
-        inside = reached.repeat(scale, axis=0).repeat(scale, axis=1)
+    if map_.reached is not None:
+        inside = map_.reached.repeat(scale, axis=0).repeat(scale, axis=1)
         painted[_outline(inside)] = _OUTLINE
     ground = np.isfinite(map_.heights).repeat(scale, axis=0).repeat(scale, axis=1)
     rgba = np.empty((*what.shape, 4), np.uint8)

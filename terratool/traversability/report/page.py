@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +21,7 @@ from terratool.report.tables import Table, join_tables
 from terratool.report.wording import join_words
 from terratool.text.display import quote
 from terratool.traversability.keep_out import Zone
-from terratool.traversability.map_results import Preview, fraction_of
+from terratool.traversability.map_results import Preview, cells_of, fraction_of
 from terratool.traversability.report import comparison, curves, tables, wording
 from terratool.traversability.report.drawing import chart, map_picture
 from terratool.traversability.report.roses import rose_path
@@ -130,6 +131,10 @@ _ROSES = (
 """Caption of the roses of a map."""
 
 
+_ONE_TOP = 1e-3
+"""Difference of heights of one top on two maps, m."""
+
+
 class _Pin(NamedTuple):
     """Mark on the picture: CSS class, text, and position in % of the width and the height."""
 
@@ -140,7 +145,7 @@ class _Pin(NamedTuple):
 
 
 def _pictures_of(report: TraversabilityReport) -> Iterator[dict[str, Any]]:
-    """Variables of the map of the best heading, and of that of the worst where it differs."""
+    """Variables of maps: of the best heading, of the worst where it differs, and of storeys."""
     preview, summary = report.preview, report.summary
     if preview is None or summary is None:
         return
@@ -149,18 +154,35 @@ def _pictures_of(report: TraversabilityReport) -> Iterator[dict[str, Any]]:
         "caption": _caption(report, preview),
         "of": "best heading",
         "roses": "",
+        "routed": True,
     }
     worst = _own_worst(preview)
-    if worst is None:
-        return
-    path = rose_path(preview)
-    yield {
-        **_picture_of(report, replace(preview, ground=worst), summary.worst_counts),
-        "caption": f"The verdict of the worst heading at each place. {_ROSES if path else ''}",
-        "of": "worst heading",
-        "heights": "",
-        "roses": path,
-    }
+    if worst is not None:
+        path = rose_path(preview)
+        yield {
+            **_picture_of(report, replace(preview, ground=worst), summary.worst_counts),
+            "caption": f"The verdict of the worst heading at each place. {_ROSES if path else ''}",
+            "of": "worst heading",
+            "routed": False,
+            "heights": "",
+            "roses": path,
+        }
+    for number, storey in enumerate(preview.storeys, 1):
+        of = f" {number} of {len(preview.storeys)}" if len(preview.storeys) > 1 else ""
+        classes, counts = np.unique(storey.ground[np.isfinite(storey.heights)], return_counts=True)
+        known = {GroundClass(n): count for n, count in zip(classes, counts.tolist(), strict=True)}
+        yield {
+            **_picture_of(report, preview, known, number),
+            "caption": f"Map{of} of decks and bores, by the best heading; shares are of their tops."
+            + _FAINT * any(route.profile is not None for route in report.routes),
+            "of": f"best heading, decks and bores{of}",
+            "heights": _heights(storey),
+            "roses": "",
+        }
+
+
+_FAINT = " Ways are faint where they are not on what the map shows."
+"""Caption of maps of terrains with storeys."""
 
 
 def _own_worst(preview: Preview) -> NDArray[np.uint8] | None:
@@ -170,27 +192,28 @@ def _own_worst(preview: Preview) -> NDArray[np.uint8] | None:
 
 
 def _picture_of(
-    report: TraversabilityReport, preview: Preview, counts: dict[GroundClass, int]
+    report: TraversabilityReport, preview: Preview, counts: dict[GroundClass, int], number: int = 0
 ) -> dict[str, Any]:
-    """Variables of a map: the picture, routes and pins over it, a scale, a legend."""
-    reached = None
-    if report.reach is not None and report.summary is not None:
-        stride = round(preview.grid.resolution / report.summary.grid.resolution)
-        reached = report.reach.cells[::stride, ::stride]
+    """Variables of a map: the picture, routes and pins over it, a scale, a legend.
+
+    With a number above 0 it is a map of storeys.
+    """
+    shown = (preview, *preview.storeys)[number]
     west, south, east, north = preview.grid.bounds
     width, height = east - west, north - south
     drawn = [(way, " thin") for route in report.routes for way in route.alternatives]
     # where a way back is that there, the latter is seen
     drawn += [(route.back, " dashed") for route in report.routes if route.back is not None]
     drawn += [(route, "" if route.found else " dashed") for route in report.routes]
-    ways = [(_points(route, preview), style) for route, style in drawn]
+    ways = [way for route, style in drawn for way in _ways(route, preview, number, style)]
     scale = ticks(0.0, width, 4)[1]
     parts = {ground: fraction_of(counts, ground) for ground in wording.GROUNDS}
     return {
         "width": f"{min(60.0, 44.0 * (width / height)):.4g}",
-        "png": base64.b64encode(png(map_picture(preview, reached))).decode("ascii"),
+        "png": base64.b64encode(png(map_picture(shown))).decode("ascii"),
         "pixels": preview.ground.shape[::-1],
-        "ways": [(points, style) for points, style in ways if points],
+        "ways": ways,
+        "routed": not all(style.endswith("faint") for _, style in ways),
         "zones": [path for zone in report.keep_out if (path := _outline(zone, preview))],
         "strips": [
             _polyline(outline, preview)
@@ -198,7 +221,7 @@ def _picture_of(
             if route.profile is not None
             for outline in corridor(route.profile)
         ],
-        "pins": _pins(report, _source(report), preview),
+        "pins": _pins(report, _source(report), preview, number),
         "x_axis": _axis(west, east),
         "y_axis": [(100.0 - at, text) for at, text in _axis(south, north)],
         "y_width": 3 + max(len(text) for _, text in _axis(south, north)),
@@ -233,6 +256,10 @@ def _caption(report: TraversabilityReport, preview: Preview) -> str:
     ):
         caption += " Beside a way lies the strip over which the vehicle drifts downhill if nobody "
         caption += "steers against it between two corners."
+    if preview.storeys:
+        caption += " It shows the ground, and shares of all tops; decks and bores have maps of "
+        caption += "their own."
+        caption += _FAINT * any(route.profile is not None for route in report.routes)
     if any(route.alternatives for route in report.routes):
         caption += " Thin lines with numbers are alternatives."
     if any(route.back is not None for route in report.routes):
@@ -272,11 +299,36 @@ def _position(x: float, y: float, preview: Preview) -> tuple[float, float]:
     return (x - west) / (east - west), (north - y) / (north - south)
 
 
-def _points(route: Route, preview: Preview) -> str:
-    """Points of a route in thousandths of the picture's sides; empty where it has no length."""
-    if route.profile is None or len(route.profile.x) < 2:
-        return ""
-    return _polyline(np.column_stack([route.profile.x, route.profile.y]), preview)
+def _ways(route: Route, preview: Preview, number: int, style: str) -> Iterator[tuple[str, str]]:
+    """Lines of a route on a map of storeys by its number, 0 for the ground, and their styles.
+
+    Where the route is not on what the map shows it is faint.
+    """
+    profile = route.profile
+    if profile is None or len(profile.x) < 2:
+        return
+    line = np.column_stack([profile.x, profile.y])
+    shown = _is_shown(line, profile.height, preview, number)
+    ends = np.flatnonzero(np.diff(shown[1:])) + 1
+    for first, last in zip([0, *ends], [*ends, len(line) - 1], strict=True):
+        points = _polyline(line[first : last + 1], preview)
+        if points:
+            yield points, style if shown[last] else f"{style} faint"
+
+
+def _is_shown(
+    line: NDArray[np.float64], heights: NDArray[np.float64], preview: Preview, number: int
+) -> NDArray[np.bool_]:
+    """Whether places, (n, 2) m, with heights, (n,), are on what a map shows, rather than others."""
+    if not preview.storeys:
+        return np.ones(len(line), np.bool_)
+    away = []
+    rows, columns = cells_of(preview.grid, *line.T)
+    for other in (preview, *preview.storeys):
+        far = np.abs(other.heights[rows, columns] - heights)
+        away.append(np.where(np.isnan(far), np.inf, far))
+    # a storey may be lowest, too
+    return np.asarray(away[number] <= np.min(away, axis=0) + _ONE_TOP, np.bool_)
 
 
 def _polyline(line: NDArray[np.float64], preview: Preview) -> str:
@@ -306,7 +358,8 @@ def _outline(zone: Zone, preview: Preview) -> str:
     return "".join(parts)
 
 
-def _pins(report: TraversabilityReport, source: str, preview: Preview) -> list[_Pin]:
+def _pins(report: TraversabilityReport, source: str, preview: Preview, picture: int) -> list[_Pin]:
+    """Pins on a map of storeys by its number, 0 for the ground."""
     pins: list[tuple[str, str, Location]] = []
     pins += [("pin bar", "✘", bar.place) for route in report.routes for bar in route.barriers]
     if report.reach is not None and source == "S":
@@ -321,7 +374,9 @@ def _pins(report: TraversabilityReport, source: str, preview: Preview) -> list[_
     found = []
     for style, text, place in pins:
         right, down = _position(place.x, place.y, preview)
-        if 0.0 <= right <= 1.0 and 0.0 <= down <= 1.0:
+        z = math.nan if place.height is None else place.height
+        here = _is_shown(np.array([[place.x, place.y]]), np.array([z]), preview, picture)
+        if 0.0 <= right <= 1.0 and 0.0 <= down <= 1.0 and here[0]:
             found.append(_Pin(style, text, 100.0 * right, 100.0 * down))
     return found
 
@@ -332,7 +387,8 @@ def _halfway(route: Route) -> Location:
     if profile is None or not len(profile.distance):
         return route.start
     middle = int(np.searchsorted(profile.distance, 0.5 * profile.distance[-1]))
-    return replace(route.start, x=float(profile.x[middle]), y=float(profile.y[middle]))
+    x, y, z = (float(line[middle]) for line in (profile.x, profile.y, profile.height))
+    return replace(route.start, x=x, y=y, height=z)
 
 
 def _source(report: TraversabilityReport) -> str:

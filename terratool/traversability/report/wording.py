@@ -148,9 +148,10 @@ def vehicle_name(report: TraversabilityReport) -> str:
     return printable(report.vehicle.name)
 
 
-def point(place: tuple[float, float]) -> str:
-    """World x and y of a place without a height."""
-    return coordinates(Location(*place, None, "", ""))
+def point(place: tuple[float, ...]) -> str:
+    """World coordinates of a place, with the height that it is given by, if it is."""
+    x, y, *z = place
+    return coordinates(Location(x, y, z[0] if z else None, "", "", bool(z)))
 
 
 def where(place: Location) -> str:
@@ -414,7 +415,7 @@ def counted_from_line(report: TraversabilityReport) -> str:
         return ""
     if not any(summary.fraction(ground) for ground in (GroundClass.ONE_WAY, GroundClass.CUT_OFF)):
         return ""
-    place = numbers.coordinates(round(value, 3) + 0.0 for value in summary.largest.place)
+    place = numbers.place(round(value, 3) + 0.0 for value in summary.largest.place)
     return (
         "What can be reached is counted from the largest connected part of the ground, "
         f"{numbers.share(summary.largest.share)} of it, as with --from {place}."

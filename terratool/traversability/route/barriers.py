@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
 from terratool.field.types import PointSamples
-from terratool.report.numbers import coordinates
+from terratool.report import numbers
 from terratool.text.display import quote
 from terratool.traversability.keep_out import zone_at
 from terratool.traversability.layers import sample_near, seen_from, top_near
@@ -120,7 +120,7 @@ def barriers(on: RouteSite, path: Path) -> tuple[Barrier, ...]:
         at = int(path.judged[first]), int(path.row[first]), int(path.column[first])
         found.append(
             Barrier(
-                location_at(on.terrain, x, y, _z_of(path.height[first])),
+                location_at(on.terrain, x, y, z_of(path.height[first])),
                 reason,
                 ground.name + _slope_text(survey, reason, at),
                 float(width[first:end].sum()),
@@ -210,7 +210,7 @@ def barring_ground(
     return found._replace(name=found.name + size * (reason == Reason.STEP))
 
 
-def _z_of(height: float) -> float | None:
+def z_of(height: float) -> float | None:
     """A height of a path; None where it has none."""
     return None if math.isnan(height) else float(height)
 
@@ -406,7 +406,7 @@ class BlockedPlace(NamedTuple):
 def blocked_place(on: RouteSite, what: str, place: Point, cell: Cell) -> BlockedPlace:
     """A place where a vehicle cannot stand, with a sentence on why; `what` names the place."""
     found = blockage_at(on, place, cell)
-    where = f"{what}, {coordinates(place)}, whatever its heading"
+    where = f"{what}, {numbers.place(place)}, whatever its heading"
     return BlockedPlace(
         f"The vehicle cannot stand at {where}: {found.words}.", found.ground.pointer
     )

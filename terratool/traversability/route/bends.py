@@ -166,12 +166,15 @@ def _arc(corners: Corners, headings: int, fine: bool) -> _Piece:
     )  # fmt: skip
 
 
-def bent_path(corners: Corners, survey: Survey, terrain: Terrain | None = None) -> Path:
+def bent_path(
+    corners: Corners, survey: Survey, terrain: Terrain | None = None, layer: int = 0
+) -> Path:
     """The samples of a way with arcs, at most a cell apart along each axis.
 
     Each is judged by the cells around it, as the kernel does it; those of arcs of the search by
     the nearest cell. With a terrain samples are at most half a cell apart, the cells that hold them
-    count, and heights are the terrain's. At a corner without an arc the vehicle turns on the spot.
+    count, and heights are the terrain's; it begins in the survey's `layer`. At a corner without an
+    arc the vehicle turns on the spot.
     """
     count, fine = survey.headings, terrain is not None
     pieces: list[_Piece] = []
@@ -197,11 +200,9 @@ def bent_path(corners: Corners, survey: Survey, terrain: Terrain | None = None) 
     around = np.clip(whole[:, None] + corner, 0, most).astype(np.int64)
     home = np.clip(np.floor(exact + 0.5), 0, most).astype(np.int64)[:, None]
     if survey.stack is not None and fine:
-        rows, _ = followed(survey, home[:, 0, 0], home[:, 0, 1])
-        home[:, 0, 0], around = (
-            rows,
-            around + np.array([1, 0]) * (rows - home[:, 0, 0])[:, None, None],
-        )
+        rows = followed(survey, home[:, 0, 0], home[:, 0, 1], layer)
+        around += np.array([1, 0]) * (rows - home[:, 0, 0])[:, None, None]
+        home[:, 0, 0] = rows
     alone = (nearest[:, None] > 0.0) | (shares <= 0.0)
     options = np.empty((len(exact), 8, 3), np.int64)
     options[:, :4, 0], options[:, 4:, 0] = low[:, None], high[:, None]

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from terratool.definition.findings import Bounds
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
+from terratool.report import numbers
 from terratool.report.numbers import coordinates
 from terratool.traversability.layers import sample_near, top_near
 from terratool.traversability.map_results import Survey, cells_of
@@ -311,14 +312,16 @@ def pulled_path(corners: NDArray[np.int64], survey: Survey) -> Path:
     return replace(path, height=height)
 
 
-def straight_path(terrain: Terrain, survey: Survey, points: NDArray[np.float64]) -> Path:
+def straight_path(
+    terrain: Terrain, survey: Survey, points: NDArray[np.float64], layer: int = 0
+) -> Path:
     """The samples of straight legs between points, (n, 2), none of which repeats the one before.
 
     A leg is judged by the headings of the survey on both sides of its direction, and counts as the
-    worse. Between two legs the vehicle turns on the spot, the shorter way round.
+    worse. Between two legs the vehicle turns on the spot, the shorter way round. It begins in the
+    survey's `layer`.
     """
     legs: list[Leg] = []
-    number = None
     for (x, y), (to_x, to_y) in pairwise(points.tolist()):
         towards = _snapped(math.degrees(math.atan2(to_x - x, to_y - y)) % 360.0, survey.headings)
         steps = math.ceil(_PER_CELL * math.hypot(to_x - x, to_y - y) / survey.grid.resolution)
@@ -327,7 +330,8 @@ def straight_path(terrain: Terrain, survey: Survey, points: NDArray[np.float64])
         xs[-1], ys[-1] = to_x, to_y
         rows, columns = cells_of(survey.grid, xs, ys)
         if survey.stack is not None:
-            rows, number = followed(survey, rows, columns, number)
+            rows = followed(survey, rows, columns, layer)
+            layer = int(rows[-1]) // survey.stack.pitch
         cells = np.stack([rows, columns], axis=-1)[:, None]
         turn = (towards - legs[-1].towards) % 360.0 if legs else 0.0
         legs.append(Leg(xs, ys, cells, towards, side=1 if turn < 180.0 else -1))
@@ -343,26 +347,20 @@ def path_heights(path: Path, survey: Survey, terrain: Terrain) -> NDArray[np.flo
 
 
 def followed(
-    survey: Survey, rows: NDArray[np.int64], columns: NDArray[np.int64], number: int | None = None
-) -> tuple[NDArray[np.int64], int]:
-    """Rows in all layers of cells of the grid one after the other, and the layer that it ends in.
+    survey: Survey, rows: NDArray[np.int64], columns: NDArray[np.int64], layer: int
+) -> NDArray[np.int64]:
+    """Rows in all layers of cells of the grid one after the other, from a layer on.
 
-    From cell to cell the vehicle stays on what its layer shows. It begins in a layer by its number,
-    on the lowest top if None.
+    From cell to cell the vehicle stays on what its layer shows.
     """
-    stack, own, twins = survey.stack, survey.own, survey.twins
-    assert stack is not None and own is not None and twins is not None
-    if number is None:
-        at = rows[0] + stack.pitch * np.arange(stack.layers), columns[0]
-        heights = np.where(own[at], survey.heights[at], np.inf)
-        number = int(np.nanargmin(heights)) if np.isfinite(heights).any() else 0
+    assert survey.stack is not None
     out = np.empty_like(rows)
     for n, (row, column) in enumerate(zip(rows.tolist(), columns.tolist(), strict=True)):
-        out[n] = row + number * stack.pitch
+        out[n] = row + layer * survey.stack.pitch
         if not math.isnan(survey.heights[out[n], column]):
             out[n] = survey.own_rows(out[n : n + 1], columns[n : n + 1])[0]
-            number = int(out[n]) // stack.pitch
-    return out, number
+            layer = int(out[n]) // survey.stack.pitch
+    return out
 
 
 def joined_path(paths: Sequence[Path]) -> Path:
@@ -537,6 +535,6 @@ def check_inside(what: str, place: tuple[float, ...], parts: Mapping[str, Bounds
         if not (west <= x <= east and south <= y <= north):
             sides = coordinates((west, south, east, north))
             raise RequestError(
-                f"{what}, {coordinates(place)}, lies outside {name}.",
+                f"{what}, {numbers.place(place)}, lies outside {name}.",
                 f"Give x and y within west south east north {sides}.",
             )

@@ -250,7 +250,7 @@ class Reach:
         share: share of the pixels with ground, but those at the edge, that can be reached.
         returnable: share of the pixels with ground, but those at the edge, that can be reached and
             left again to the start.
-        cells: (height, width) bool, pixels that can be reached; rows from the north.
+        cells: (height, width) bool, pixels of the ground that can be reached; rows from the north.
         note: a sentence where the vehicle cannot stand at the start; else empty.
         pointer: JSON pointer of the element that bars the vehicle there, in the terrain's own file;
             empty for none.

@@ -16,9 +16,8 @@ from terratool.errors import RequestError
 from terratool.field.terrain import Terrain, check_bounds, clip_bounds
 from terratool.raster.grid import Grid, grid_over
 from terratool.report import numbers
-from terratool.report.numbers import coordinates
 from terratool.traversability.fineness import coarsest_resolution
-from terratool.traversability.layers import top_near
+from terratool.traversability.layers import ground_tops, top_near
 from terratool.traversability.map_results import HEADINGS, Survey
 from terratool.traversability.route.barriers import (
     BlockedPlace,
@@ -27,6 +26,7 @@ from terratool.traversability.route.barriers import (
     RouteSite,
     barriers,
     blockage_at,
+    z_of,
 )
 from terratool.traversability.route.bends import (
     bent_path,
@@ -396,56 +396,92 @@ def _bent_chain(states: NDArray[np.int64], survey: Survey, radius: float) -> Pat
 def check_route(
     terrain: Terrain, vehicle: Vehicle, survey: Survey | SurveyTiles, waypoints: ArrayLike
 ) -> Route:
-    """Check the straight legs between waypoints, (n, 2): their cost, or barriers on them.
+    """Check the straight legs between waypoints: their cost, or barriers on them.
 
     Samples are at most half a cell apart; each is judged by the headings of the survey on both
     sides of its leg's direction. Between two legs the vehicle turns on the spot; one that steers as
     cars do rounds the corner where both legs are long enough, and a note says what it misses.
 
+    Waypoints are (n, 2), or (n, 3) with heights of the floors that they are on, NaN where none is
+    given. The way begins on the top that is nearest to the height of the first, on the lowest one
+    without, and goes on as the vehicle would. One that passes below or above a waypoint misses it,
+    which is a barrier.
+
     Raises:
         RequestError: fewer than two different waypoints, or one that is outside the terrain or the
             survey.
     """
-    points = np.asarray(waypoints, np.float64).reshape(-1, 2)
-    points = points[np.r_[True, np.any(np.diff(points, axis=0) != 0.0, axis=1)][: len(points)]]
+    given = np.asarray(waypoints, np.float64)
+    given = given.reshape(-1, 3 if given.ndim == 2 and given.shape[1] == 3 else 2)
+    points = given[:, :2]
+    moved = np.r_[True, np.any(np.diff(points, axis=0) != 0.0, axis=1)][: len(points)]
+    given, points = given[moved], points[moved]
     if len(points) < 2:
         raise RequestError("The route has no two different waypoints.", "Give two at least.")
     tiles = SurveyTiles.of(survey)
-    places = [(float(x), float(y)) for x, y in points]
-    for number, place in enumerate(places, 1):
-        _cell_inside(terrain, tiles, place, f"Waypoint {number}")
+    begins = [
+        _cell_inside(terrain, tiles, tuple(place), f"Waypoint {number}")
+        for number, place in enumerate(given.tolist(), 1)
+    ]
     line = rounded(points, tiles.survey.grid, vehicle.turning_radius)
 
+    def layer_of(row: int) -> int:
+        stack = tiles.survey.stack
+        return 0 if stack is None else row // stack.pitch
+
     def path_as_known() -> Path:
+        layer = layer_of(begins[0][0])
         if vehicle.turning_radius:
-            return bent_path(line.corners, tiles.survey, terrain)
-        return straight_path(terrain, tiles.survey, points)
+            return bent_path(line.corners, tiles.survey, terrain, layer)
+        return straight_path(terrain, tiles.survey, points, layer)
 
     def backs_up() -> bool:
         """Whether one that steers as cars do can back up along its way."""
-        back = bent_path(reversed_corners(line.corners), tiles.survey, terrain)
+        layer = layer_of(int(path.row[-1]))
+        back = bent_path(reversed_corners(line.corners), tiles.survey, terrain, layer)
         return bool(vehicle.turning_radius) and back.is_drivable(tiles.survey)
 
     path = path_as_known()
     tiles.complete(path.row, path.column)
     path = path_as_known()  # which of its headings is worse is known only now
     on = RouteSite.of(terrain, vehicle, tiles)
-    start, goal = location_at(terrain, *places[0]), location_at(terrain, *places[-1])
+    start, goal = (
+        location_at(terrain, float(x), float(y), z_of(z))
+        for (x, y), z in zip(points[[0, -1]], path.height[[0, -1]], strict=True)
+    )
     note = _rounding_note(line.misses, vehicle.turning_radius)
     route = Route(
         start, goal, False, False, Verdict.NO_GO, headings=tiles.survey.headings, note=note
     )
-    found = barriers(on, path)
+    found = barriers(on, path) or _missed(given, path, terrain)
     if not found:
         return with_way(route, path, on, not (backs_up() or leads_back(path, on)))
-    at = (found[0].place.x, found[0].place.y)
-    first = int(np.flatnonzero((path.x == at[0]) & (path.y == at[1]))[0])
-    before = location_at(
-        terrain, float(path.x[max(first - 1, 0)]), float(path.y[max(first - 1, 0)])
-    )
+    at = found[0].place
+    here = (path.x == at.x) & (path.y == at.y)
+    if terrain.storeys is not None and at.height is not None:
+        here &= path.height == at.height
+    first = int(np.flatnonzero(here)[0])
+    before = _place_on(path, terrain, max(first - 1, 0))
     cost = driving_cost(path, tiles.survey, vehicle, on.turns, on.brakes)
     along_it = profile(path, tiles.survey, terrain, cost)
     return replace(with_barriers(route, found, before, note), profile=along_it)
+
+
+def _place_on(path: Path, terrain: Terrain, n: int) -> Location:
+    """The place of a sample of a path."""
+    return location_at(terrain, float(path.x[n]), float(path.y[n]), z_of(path.height[n]))
+
+
+def _missed(waypoints: NDArray[np.float64], path: Path, terrain: Terrain) -> tuple[Barrier, ...]:
+    """Barriers where a path passes below or above waypoints, (n, 3) with heights."""
+    found = []
+    for x, y, *z in waypoints.tolist():
+        n = int(np.argmin(np.hypot(path.x - x, path.y - y)))
+        here = _place_on(path, terrain, n)
+        meant = location_at(terrain, here.x, here.y, *z)
+        if z and not math.isnan(z[0]) and meant.height != here.height:
+            found.append(_apart(meant, here))
+    return tuple(found)
 
 
 def _rounding_note(misses: NDArray[np.float64], radius: float) -> str:
@@ -502,7 +538,10 @@ def reach(
         bits, seen.headings, begin, places=FloodPlaces(turns, seen.twins), radius=radius
     )
     ground = np.isfinite(seen.heights)
-    return reach_of(terrain, start, found, ground if seen.own is None else ground & seen.own)
+    if seen.own is None or seen.stack is None:
+        return reach_of(terrain, start, found, ground)
+    own = reach_of(terrain, start, found, ground & seen.own)
+    return replace(own, cells=ground_tops(own.cells, seen.own, ground, seen.stack))
 
 
 def reach_of(
@@ -515,7 +554,7 @@ def reach_of(
     """
     whole = max(int(np.count_nonzero(ground)), 1)
     if not found.reached.any() and blocked is None:
-        place = f"the place to start from, {coordinates(start)}"
+        place = f"the place to start from, {numbers.place(start)}"
         blocked = BlockedPlace(f"The vehicle cannot stand at {place}, whatever its heading.", "")
     return Reach(
         location_at(terrain, *start),

@@ -19,21 +19,22 @@ _MOST_BYTES = 1 << 26
 """Largest size of a file, bytes."""
 _FAR = 1e30
 """Largest coordinate, beyond any terrain."""
-_LINE = "Write one point a line, as 12.5,7.25."
+_LINE = "Write one point a line, as 12.5,7.25, or all with a height, as 12.5,7.25,3."
 """Hint of errors on lines of CSV."""
 
 
 def read_waypoints(path: str | Path) -> NDArray[np.float64]:
-    """Read points to drive through, in the terrain's coordinates: (n, 2) float64, n ≥ 2.
+    """Read points to drive through, in the terrain's coordinates: float64 (n, 2), or (n, 3).
 
     A CSV file has two columns, or the columns x and y of a header, separated by commas, semicolons,
-    tabs or blanks; empty lines, and lines that begin with #, are passed over. A file that begins
-    with a brace is GeoJSON: one LineString, by itself or as the only one of the features. Its
-    coordinates are taken as they are, in any reference system.
+    tabs or blanks; empty lines, and lines that begin with #, are passed over. A third column, or
+    the column z of a header, has heights of floors. A file that begins with a brace is GeoJSON: one
+    LineString, by itself or as the only one of the features, or as the only route of a report. Its
+    coordinates are taken as they are, in any reference system; with heights if each has one.
 
     Raises:
-        ReadError: the file cannot be read, a line holds no two numbers, or there are fewer than two
-            points.
+        ReadError: the file cannot be read, a line holds no two numbers, or no three after one that
+            does, or there are fewer than two points.
     """
     name, text = _text_of(path, "CSV or GeoJSON")
     points = _geojson(name, text) if text.lstrip().startswith("{") else _csv(name, text)
@@ -43,10 +44,10 @@ def read_waypoints(path: str | Path) -> NDArray[np.float64]:
     return np.array(points, np.float64)
 
 
-def _csv(name: str, text: str) -> list[tuple[float, float]]:
+def _csv(name: str, text: str) -> list[tuple[float, ...]]:
     """Points of a CSV text."""
-    points: list[tuple[float, float]] = []
-    columns: tuple[int, int] | None = None
+    points: list[tuple[float, ...]] = []
+    columns: list[int] = []
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
@@ -55,21 +56,22 @@ def _csv(name: str, text: str) -> list[tuple[float, float]]:
         except csv.Error as error:
             raise ReadError(f"{name}:{number}: is no CSV line ({error}).", _LINE) from error
         names = [cell.lower() for cell in cells]
-        if columns is None and "x" in names and "y" in names:
-            columns = names.index("x"), names.index("y")
+        if not columns and "x" in names and "y" in names:
+            columns = [names.index(one) for one in "xyz" if one in names]
             continue
-        if columns is None and not any(number_of(cell) is not None for cell in cells):
+        if not columns and not any(number_of(cell) is not None for cell in cells):
             raise ReadError(
                 f"{name}:{number}: {quote(line.strip())} has no columns x and y.",
                 "Call two columns x and y, in the coordinates of the terrain.",
             )
-        columns = columns or (0, 1)
-        x, y = (number_of(cells[i]) if i < len(cells) else None for i in columns)
-        if x is None or y is None:
-            raise ReadError(
-                f"{name}:{number}: {quote(line.strip())} holds no two numbers x and y.", _LINE
-            )
-        points.append((x, y))
+        if not columns:
+            columns = [0, 1, 2][: 3 if len(cells) == 3 and number_of(cells[2]) is not None else 2]
+        found = [number_of(cells[i]) if i < len(cells) else None for i in columns]
+        point = tuple(one for one in found if one is not None)
+        if len(point) < len(columns):
+            wanted = "three numbers x, y and z" if len(columns) > 2 else "two numbers x and y"
+            raise ReadError(f"{name}:{number}: {quote(line.strip())} holds no {wanted}.", _LINE)
+        points.append(point)
     return points
 
 
@@ -121,7 +123,7 @@ def _json(name: str, text: str, hint: str) -> Any:
         raise ReadError(f"{name}: is no GeoJSON.", hint) from error
 
 
-def _geojson(name: str, text: str) -> list[tuple[float, float]]:
+def _geojson(name: str, text: str) -> list[tuple[float, ...]]:
     """Points of the LineString of a GeoJSON text."""
     try:
         lines = _lines(_json(name, text, "Write GeoJSON with one LineString, or CSV."))
@@ -134,7 +136,12 @@ def _geojson(name: str, text: str) -> list[tuple[float, float]]:
     given = lines[0].get("coordinates")
     if not isinstance(given, list):
         raise ReadError(f"{name}: the LineString has no coordinates.", "Write [[x, y], [x, y]].")
-    return positions_of(f"{name}: the LineString", given)
+    points = positions_of(f"{name}: the LineString", given)
+    heights = [
+        number_of(p[2]) if len(p) > 2 and type(p[2]) in (int, float) else None for p in given
+    ]
+    known = [(*point, z) for point, z in zip(points, heights, strict=True) if z is not None]
+    return [*known] if len(known) == len(points) else [*points]
 
 
 def positions_of(what: str, given: list[Any]) -> list[tuple[float, float]]:
@@ -158,7 +165,7 @@ def positions_of(what: str, given: list[Any]) -> list[tuple[float, float]]:
 
 
 def _lines(value: Any) -> list[dict[str, Any]]:
-    """The LineStrings of a GeoJSON object."""
+    """The LineStrings of a GeoJSON object; of the features of a report its routes alone."""
     if not isinstance(value, dict):
         return []
     if value.get("type") == "LineString":
@@ -166,4 +173,14 @@ def _lines(value: Any) -> list[dict[str, Any]]:
     if value.get("type") == "Feature":
         return _lines(value.get("geometry"))
     inner = value.get("features") or value.get("geometries")
-    return [line for one in inner for line in _lines(one)] if isinstance(inner, list) else []
+    if not isinstance(inner, list):
+        return []
+    return [
+        line for one in [one for one in inner if _is_route(one)] or inner for line in _lines(one)
+    ]
+
+
+def _is_route(feature: Any) -> bool:
+    """Whether a value is the feature of a route, as `terratool traversability` writes it."""
+    properties = feature.get("properties") if isinstance(feature, dict) else None
+    return isinstance(properties, dict) and properties.get("kind") == "route"
