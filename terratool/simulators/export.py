@@ -359,7 +359,6 @@ def _sha256(path: str | Path) -> str:
 
 def _losses(scene: Scene, written: WrittenFiles) -> Iterator[str]:
     """Yield sentences on what the files lose."""
-    yield from scene.terrain.hidden
     if written.meshed:
         *walls, lost = scene.loss.sentences()
         yield from walls
