@@ -271,7 +271,7 @@ public:
             double polygon_error = regions_.polygon_errors[region];
             double enough = max(allowed - polygon_error, least * allowed);
             auto [error, place] = error_of(t, enough);
-            if (error <= enough || !insert_point(t, place))
+            if (error <= enough || is_spent(t, enough) || !insert_point(t, place))
                 largest_error_ = max(largest_error_, error + polygon_error);
         }
         return !queue_.empty();
@@ -340,10 +340,31 @@ private:
         return double(area(a, b, c)) < thin * square(longest_of(t).length);
     }
 
+    // Edges that are shorter, in points of the lattice, stay whole.
+    static constexpr double SHORTEST = 64.0;
+
+    // Whether a triangle is too low to be split across, and splits along it would do no good: its
+    // region is as near to its longest edge as is enough, or as heights change across the triangle.
+    // So it is beside a vertical tangent.
+    bool is_spent(i64 t, double enough) const {
+        auto [e, long_side] = longest_of(t);
+        i64 f = next_corner(e), g = last_corner(e);
+        Point a = point(triangles_[t][e]), b = point(triangles_[t][f]), c = point(triangles_[t][g]);
+        if (double(area(a, b, c)) >= SHORTEST * long_side) return false;
+        double dx = double(b.x - a.x), dy = double(b.y - a.y);
+        double za = heights_[t][e], rise = heights_[t][f] - za;
+        double foot = (dx * double(c.x - a.x) + dy * double(c.y - a.y)) / square(long_side);
+        double near = max(enough, abs(heights_[t][g] - (za + foot * rise)));
+        for (double share : {0.25, 0.5, 0.75}) {
+            double z = height(t, double(a.x) + share * dx, double(a.y) + share * dy);
+            if (!(abs(z - (za + share * rise)) <= near)) return false;
+        }
+        return true;
+    }
+
     // Split an edge at a share of it.
     bool split_at(i64 t, i64 e, double share, double least = LOWEST) {
-        constexpr double shortest = 64.0;  // in points of the lattice; what is shorter stays whole
-        if (length_of(t, e) < shortest) return false;
+        if (length_of(t, e) < SHORTEST) return false;
         Point a = point(triangles_[t][e]), b = point(triangles_[t][next_corner(e)]);
         i64 x = a.x + i64(std::nearbyint(share * double(b.x - a.x)));
         i64 y = a.y + i64(std::nearbyint(share * double(b.y - a.y)));

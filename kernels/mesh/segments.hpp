@@ -79,8 +79,13 @@ inline Chords find_chords(const Plan& plan) {
     constexpr double steep_share = 0.25;  // that part where a tangent is vertical
     constexpr double ring_share = 0.45;   // that part in a disc
     constexpr int most = 4096;            // no curve has more chords between two steps
+    constexpr double points = 8.0;        // of the lattice; ends that are nearer may become one
     Chords chords;
-    auto append = [&](const ElementView& e, const CurveAt& curve, const Axis& axis, double weight) {
+    auto append = [&](const ElementView& e, int along) {
+        const Axis& axis = along == X ? e.x : e.y;
+        const CurveAt curve = curve_of(e.kind, along);
+        double weight = e.frame.weight[along];
+        double shortest = points / (e.frame.high[along] - e.frame.low[along]);
         bool radial = e.kind.combine == RADIAL;
         double part = radial ? ring_share : axis.steep ? steep_share : share;
         double allowed = part * plan.error / weight;
@@ -94,9 +99,9 @@ inline Chords find_chords(const Plan& plan) {
             if (radial) t = max(t, 0.5), end = min(end, e.frame.straight_from);
             for (int n = 0; n < most; ++n) {
                 double last = t;
-                t = min(chord_end(plan, curve, group, t, allowed), end);
+                t = min(max(chord_end(plan, curve, group, t, allowed), last + shortest), end);
                 if (t <= last || t >= plan.groups[group].high) break;
-                chords.ends.push_back(t);
+                if (t <= 1.0 - shortest) chords.ends.push_back(t);
             }
         }
     };
@@ -120,11 +125,10 @@ inline Chords find_chords(const Plan& plan) {
         };
         mark();
         if (plain) append_numbers(X);
-        if (radial ? exists && e.x.ringed : wants(e.x, e.y))
-            append(e, curve_of(e.kind, X), e.x, e.frame.weight[X]);
+        if (radial ? exists && e.x.ringed : wants(e.x, e.y)) append(e, X);
         mark();
         if (plain) append_numbers(Y);
-        if (!radial && wants(e.y, e.x)) append(e, curve_of(e.kind, Y), e.y, e.frame.weight[Y]);
+        if (!radial && wants(e.y, e.x)) append(e, Y);
     }
     mark();
     return chords;

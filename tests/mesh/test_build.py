@@ -204,6 +204,33 @@ def test_a_steep_place_within_a_disc(width: float) -> None:
         assert built.error <= 2e-2
 
 
+@pytest.mark.parametrize("max_error", [0.003, 0.001, 0.0002])
+def test_long_sides_with_a_vertical_tangent_take_few_faces(max_error: float) -> None:
+    """The chords of half a circle are as many as 1 / √error, however long the half-pipe is.
+
+    Beside its sides the lattice is too coarse for chords: there the stated error is larger.
+    """
+    terrain = terrain_of(
+        {
+            "size": [60, 20],
+            "elemTypes": {"floor": {"x": [1]}, "pipe": {"x": "flat", "y": "dome"}},
+            "elemTree": {
+                "type": "floor",
+                "children": [{"type": "pipe", "at": [30, 15], "extent": [60, 6], "vScale": 4}],
+            },
+        }
+    )
+    built = build(terrain, max_error)
+    assert len(built.mesh.faces) < 30 / max_error**0.5
+
+    def beside_sides(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.minimum(np.abs(y - 12), np.abs(y - 18)) < 1e-6
+
+    off = errors(built.mesh, terrain, 2000, max_error, excluded=beside_sides)
+    assert off.max() <= max_error
+    assert errors(built.mesh, terrain, 2000, max_error).max() <= built.error
+
+
 def test_discs_that_overlap_keep_to_the_error() -> None:
     definition = {
         "size": [12, 10],
