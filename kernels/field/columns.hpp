@@ -6,7 +6,9 @@
 // faces: the undersides of decks, the ceilings of bores.
 #pragma once
 
+#include <algorithm>
 #include <bit>
+#include <functional>
 
 #include "query.hpp"
 
@@ -23,7 +25,8 @@ struct Sheet {
     Span<const i64> numbers;  // of each element of `tops`, among all of the terrain
     Span<const i32> faced;    // storey of each element of `faces`
     bool is_bore;
-    i64 bare;  // index of the surface of what has none
+    i64 bare;     // index of the surface of what has none
+    double most;  // no top is higher
 
     // The terrain's index of a surface of a top; -1 for none.
     INLINE i32 surface_of(i64 worn) const { return worn == bare ? -1 : i32(worn); }
@@ -76,6 +79,9 @@ private:
         return 0.0 <= u && u < double(count) ? i64(u) : -1;
     }
 };
+
+// The bit of a sheet; all further ones share the last.
+INLINE u64 bit_of(i64 sheet) { return u64(1) << min(sheet, i64(63)); }
 
 // Call visit(number of the sheet) for the sheets of some bits, in their order.
 template <class Visit> INLINE void visit_sheets(const Storeys& storeys, u64 near, Visit visit) {
@@ -323,6 +329,10 @@ class TopHeights {
 public:
     explicit TopHeights(const Storeys& storeys)
         : storeys_(storeys), maker_(storeys), columns_(BATCH), scratch_(*storeys.sheets[0].tops) {
+        for (i64 k = 0; k < count_of(storeys.sheets); ++k) highest_first_.push_back(k);
+        std::ranges::stable_sort(highest_first_, std::greater{}, [&](i64 k) {
+            return storeys.sheets[k].most;
+        });
         for (const Sheet& sheet : storeys.sheets) {
             batched_.push_back(PointBatch<false>::is_possible(*sheet.tops));
             if (count_of(scratch_.stack) < sheet.tops->pending)
@@ -353,16 +363,22 @@ public:
             bool highest = below.empty();  // of decks alone: no intervals are needed
             visit_sheets(storeys_, all, [&](i64 k) { highest &= !storeys_.sheets[k].is_bore; });
             if (highest) {
-                visit_sheets(storeys_, all, [&](i64 k) {
-                    ask(k, x, y, count, [&](std::size_t at, i64 top, double z) {
-                        put_highest(storeys_.sheets[k], at, top, z, x, y, height);
+                for (i64 k : highest_first_) {
+                    const Sheet& sheet = storeys_.sheets[k];
+                    if (!(all & bit_of(k))) continue;
+                    auto counts = [&](std::size_t at) {
+                        return !(height[points_[at]] >= sheet.most);
+                    };
+                    ask(k, x, y, count, counts, [&](std::size_t at, i64 top, double z) {
+                        put_highest(sheet, at, top, z, x, y, height);
                     });
-                });
+                }
                 continue;
             }
             for (std::size_t at = 0; at < count; ++at) columns_[at].begin({height[points_[at]]});
             visit_sheets(storeys_, all, [&](i64 k) {
-                ask(k, x, y, count, [&](std::size_t at, i64 top, double z) {
+                auto all_count = [](std::size_t) { return true; };
+                ask(k, x, y, count, all_count, [&](std::size_t at, i64 top, double z) {
                     put(columns_[at], storeys_.sheets[k], x[points_[at]], y[points_[at]], top, z);
                 });
             });
@@ -381,19 +397,20 @@ private:
     ColumnMaker<FaceHeight> maker_;
     std::vector<SolidColumn<FaceHeight>> columns_;
     std::vector<bool> batched_;
+    std::vector<i64> highest_first_;  // sheets
     Scratch scratch_;
     std::array<std::size_t, BATCH> points_, some_;
     std::array<u64, BATCH> near_;
     std::array<double, BATCH> x_, y_, z_;
 
-    // Call found(which point, top element or less than 0, height) for the points of a sheet; where
-    // there is no element, or no height, that is left to a descent.
-    template <class Found> void ask(i64 k, In x, In y, std::size_t points, Found found) {
+    // Call found(which point, top element or less than 0, height) for the points of a sheet that
+    // count; where there is no element, or no height, that is left to a descent.
+    template <class Counts, class Found>
+    void ask(i64 k, In x, In y, std::size_t points, Counts counts, Found found) {
         const Sheet& sheet = storeys_.sheets[k];
-        u64 bit = u64(1) << min(k, i64(63));
         std::size_t count = 0;
         for (std::size_t at = 0; at < points; ++at) {
-            if (!(near_[at] & bit)) continue;
+            if (!(near_[at] & bit_of(k)) || !counts(at)) continue;
             some_[count] = at, x_[count] = x[points_[at]], y_[count++] = y[points_[at]];
         }
         In xs(x_.data(), count), ys(y_.data(), count);

@@ -28,12 +28,13 @@ struct KeptSheet {
     Kept<Span<const i64>> numbers;
     bool is_bore;
     i64 bare;
+    double most;
 
     explicit KeptSheet(nb::handle sheet)
         : tops(sheet, "tops", "Storeys"), faces(sheet, "faces", "Storeys"),
           storeys(sheet, "storeys[_]", "Storeys"), faced(sheet, "faced[_]", "Storeys"),
           numbers(sheet, "numbers[_]", "Storeys"), is_bore(nb::cast<bool>(sheet.attr("is_bore"))),
-          bare(nb::cast<i64>(sheet.attr("bare"))) {}
+          bare(nb::cast<i64>(sheet.attr("bare"))), most(nb::cast<double>(sheet.attr("most"))) {}
 
     Sheet sheet() {
         return {
@@ -43,7 +44,8 @@ struct KeptSheet {
             numbers.argument().get(),
             faced.argument().get(),
             is_bore,
-            bare
+            bare,
+            most
         };
     }
 };

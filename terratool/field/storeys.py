@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from terratool.definition.model import Bore, Definition, Primitive, Storey, Surface
 from terratool.definition.written import Written
+from terratool.field.bounds import largest_heights
 from terratool.field.compile import Compiled, compile_definition
 from terratool.field.storey_levels import level_cells
 from terratool.kernels import field as kernels
@@ -106,6 +107,20 @@ class StoreySheet:
     def faces(self) -> kernels.Field:
         """Field of the other faces."""
         return self.face.field
+
+    @property
+    def most(self) -> float:
+        """Height that no top exceeds: all that elements in and around a storey add at most."""
+        largest, parents = largest_heights(self.top.arrays), self.top.parents
+        is_own = self.storeys >= 0
+        sums = np.bincount(self.storeys[is_own], largest[is_own], minlength=1)
+        begins = np.flatnonzero(is_own & (self.storeys[parents] != self.storeys))
+        sums, around = sums[self.storeys[begins]], parents[begins]
+        while (around >= 0).any():
+            sums += np.where(around >= 0, largest[around], 0.0)
+            around = np.where(around >= 0, parents[around], -1)
+        most = float(sums.max(initial=0.0))
+        return most + 1e-9 * most  # heights are rounded
 
     def other_face(self, gaps: Floats) -> Terrain:
         """Plain terrain of the other faces, with the gaps between the faces, (storeys,)."""
