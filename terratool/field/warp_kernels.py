@@ -1561,6 +1561,10 @@ def _storeyed(sheets: int, descend: Any) -> Any:
         if not limited:
             lower = column.tops
             found.surface = column.bare
+            if column.tops == 0 and field[0].track_masks.shape[0] > 0:
+                _, track = rut_at(field, point[0], point[1], column.bare)
+                if track >= 0:
+                    found.surface = field[0].tracks[track].surface
         for step in range(column.tops + 1):  # ruts and relief may change the order of tops
             top = step
             last = step == column.tops

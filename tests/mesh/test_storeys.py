@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import shapely
 import trimesh
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
@@ -74,13 +74,14 @@ def wanted_ends(terrain: Terrain, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def off(terrain: Terrain, mesh: Mesh, count: int, aside: float) -> np.ndarray:
     """How far rays are from columns at random points, (count,); infinite for other faces.
 
-    A point counts as the nearest of those `aside` around it.
+    A point counts as the nearest of those up to `aside` around it.
     """
     rng = np.random.default_rng(len(mesh.faces))
     x, y = rng.uniform(terrain.bounds[:2], terrain.bounds[2:], (count, 2)).T
     found = ends_of(mesh, x, y)
     best = np.full(count, np.inf)
-    for dx, dy in product((0, 1, -1), (0, 1, -1)):
+    shifts = product((1 / 3, 1), (0, 1, -1), (0, 1, -1))
+    for dx, dy in ((scale * dx, scale * dy) for scale, dx, dy in shifts):
         left = np.flatnonzero(best > ERROR)
         if not len(left):
             break
@@ -160,10 +161,13 @@ def whole_volume(mesh: Mesh) -> float:
 def test_random_terrains(definition: Json) -> None:
     """Faces that touch, decks in decks, bores through bores, voids: every edge has two faces."""
     terrain = terrain_of(definition)
-    check_solid(build_all(terrain, 0.1, base="below"))
     built = build_all(terrain, 0.1)
-    apart = off(terrain, built.mesh, 2000, 3 * built.loss.wall_offset + 1e-6)
-    assert (apart > built.error + 1e-6).sum() <= 5
+    assume(len(built.mesh.faces))  # it may all be void
+    check_solid(build_all(terrain, 0.1, base="below"))
+    aside = built.loss.wall_offset
+    apart = off(terrain, built.mesh, 2000, 3 * aside + 1e-6)
+    # in corners beside arcs what is near may be a third thing
+    assert (apart > built.error + 1e-6).sum() <= (20 if aside else 5)
 
 
 # --- by hand --------------------------------------------------------------------------------------
