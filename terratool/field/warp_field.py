@@ -181,7 +181,9 @@ class WarpField:
         import warp as wp
 
         each = 1 if self.device.is_cuda else _EACH
-        given = [points if points.dtype == kind else None for kind in _point_types(wp)]
+        is_double = points.dtype in (wp.vec2d, wp.vec3d)
+        numbers = points.view(wp.float64 if is_double else wp.float32)
+        given = [None, numbers] if is_double else [numbers, None]
         with _quiet(wp):
             wp.launch(
                 self._kernel,

@@ -1289,10 +1289,8 @@ def compile_kernels(room: int, sheets: int = 0) -> DeviceFunctions:
     def sample(
         field: wp.array(dtype=DeviceField),
         each: wp.int32,
-        points: wp.array(dtype=wp.vec2f),
-        exact: wp.array(dtype=wp.vec2d),
-        spots: wp.array(dtype=wp.vec3f),
-        exact_spots: wp.array(dtype=wp.vec3d),
+        points: wp.array2d(dtype=wp.float32),
+        exact: wp.array2d(dtype=wp.float64),
         height: wp.array(dtype=wp.float32),
         normal: wp.array(dtype=wp.vec3f),
         surface: wp.array(dtype=wp.int32),
@@ -1300,7 +1298,7 @@ def compile_kernels(room: int, sheets: int = 0) -> DeviceFunctions:
     ):
         """Sample points in float32 or float64, `each` per thread, into the arrays given.
 
-        Of points in space, spots, the highest tops not above them count.
+        Of points in space, with a third column, the highest tops not above them count.
         """
         begin = wp.tid() * each
         for n in range(begin, wp.min(begin + each, height.shape[0])):
@@ -1308,23 +1306,17 @@ def compile_kernels(room: int, sheets: int = 0) -> DeviceFunctions:
             y = wp.float64(0.0)
             z = wp.float64(0.0)
             if exact:
-                x = exact[n][0]
-                y = exact[n][1]
-            elif points:
-                x = wp.float64(points[n][0])
-                y = wp.float64(points[n][1])
-            elif exact_spots:
-                x = exact_spots[n][0]
-                y = exact_spots[n][1]
-                z = exact_spots[n][2]
+                x = exact[n, 0]
+                y = exact[n, 1]
             else:
-                x = wp.float64(spots[n][0])
-                y = wp.float64(spots[n][1])
-                z = wp.float64(spots[n][2])
+                x = wp.float64(points[n, 0])
+                y = wp.float64(points[n, 1])
+            limited = exact.shape[1] == 3 or points.shape[1] == 3
+            if limited and exact:
+                z = exact[n, 2]
+            elif limited:
+                z = wp.float64(points[n, 2])
             point = wp.vec2d(x + field[0].origin[0], y + field[0].origin[1])
-            limited = wp.bool(False)
-            if spots or exact_spots:
-                limited = True
             ground = standing_at(field, point, limited, z + field[0].origin[2])
             height[n] = wp.float32(ground.height - field[0].origin[2])
             if normal:
