@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
@@ -262,3 +263,71 @@ def test_degrees_and_no_ground_are_refused() -> None:
     degrees = terratool.load({**LOT, "crs": "EPSG:4326"})
     with pytest.raises(terratool.RequestError, match="degrees"):
         degrees.to_mjspec()
+
+
+WALKERS = (
+    "ant", "half_cheetah", "hopper", "humanoid", "humanoidstandup", "point", "walker2d",
+    "walker2d_v5",
+)  # fmt: skip
+"""Models of Gymnasium that stand on a floor; what collides of others are arms and rods."""
+
+
+@pytest.fixture(scope="module")
+def level(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Files of level ground with a crate and a ramp far from its middle, where zero is."""
+    far = [{**CRATE, "at": [3, 3]}, {**RAMP, "at": [25, 13]}]
+    tree = {**LOT["elemTree"], "children": far}
+    terrain = terrain_of({**LOT, "size": [30, 17], "elemTree": tree})
+    folder = tmp_path_factory.mktemp("level") / "out"
+    return written(terrain, folder, "mujoco", max_error=ERROR, origin="center")[0]
+
+
+def gymnasium_model(name: str) -> ET.ElementTree[ET.Element]:
+    """MJCF of a robot of Gymnasium, without its floor."""
+    gymnasium = pytest.importorskip("gymnasium", reason="gymnasium is not installed")
+    assets = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
+    tree = ET.parse(assets / f"{name}.xml")
+    world, compiler = tree.getroot().find("worldbody"), tree.getroot().find("compiler")
+    assert world is not None and compiler is not None
+    compiler.attrib.pop("settotalmass", None)  # MuJoCo warns of it, in a file
+    for geom in world.findall("geom"):
+        if geom.get("type") == "plane":
+            world.remove(geom)
+    return tree
+
+
+def stand(model: Any) -> tuple[float, set[str]]:
+    """Least height of a middle of a robot's geoms after 3 s, and the geoms that touch then."""
+    data = mujoco.MjData(model)
+    for _ in range(round(3.0 / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+    met = {int(one) for contact in data.contact for one in contact.geom}
+    own = model.geom_bodyid > 0
+    return float(data.geom_xpos[own, 2].min()), {model.geom(one).name for one in met}
+
+
+@pytest.mark.parametrize(
+    ("name", "way"),
+    [
+        pytest.param(name, way, marks=[pytest.mark.nightly] * ((name, way) != ("ant", "terrain")))
+        for name in WALKERS
+        for way in ("terrain", "include", "attach")
+    ],
+)
+def test_robots_of_gymnasium_stand(name: str, way: str, level: Path) -> None:
+    """Whatever their defaults are, whichever way the terrain comes into their models."""
+    tree = gymnasium_model(name)
+    path = level / "robot.xml"
+    if way != "attach":
+        ET.SubElement(tree.getroot(), "include", file=f"{way}.xml")
+    tree.write(path)
+    try:
+        scene = mujoco.MjSpec.from_file(str(path))
+        if way == "attach":
+            terrain = mujoco.MjSpec.from_file(str(level / "terrain.xml"))
+            scene.attach(terrain, prefix="ground/", frame=scene.worldbody.add_frame())
+        lowest, met = stand(scene.compile())
+    finally:
+        path.unlink()
+    assert lowest > -1e-3
+    assert any(one.endswith("terrain/soil/flat/0") for one in met)
