@@ -174,7 +174,7 @@ def _model(scene: Scene, save: _Save) -> tuple[ET.Element, _Told]:
         comment(root, scene.terrain.descr)
     asset = ET.Element("asset")
     world = ET.Element("worldbody")
-    model = _Model(scene, save, asset, world, set())
+    model = _Mjcf(scene, save, asset, world, set())
     if scene.options.flex:
         _add_visuals(model)
         told = _add_flexes(model)
@@ -187,7 +187,7 @@ def _model(scene: Scene, save: _Save) -> tuple[ET.Element, _Told]:
     return root, told
 
 
-class _Model(NamedTuple):
+class _Mjcf(NamedTuple):
     """A model that is being written.
 
     Attributes:
@@ -260,7 +260,7 @@ class _Told(NamedTuple):
     frictions: tuple[Material, ...] | None = None
 
 
-def _add_visuals(model: _Model) -> None:
+def _add_visuals(model: _Mjcf) -> None:
     """Add a material and a mesh for each surface, to be seen; nothing collides with them."""
     scene = model.scene
     points = points_of(scene.mesh)
@@ -306,7 +306,7 @@ def _friction(one: Material) -> str:
 class _CollisionGeoms:
     """Geoms that collide: boxes, convex meshes and height fields, as they are added to an MJCF."""
 
-    def __init__(self, model: _Model) -> None:
+    def __init__(self, model: _Mjcf) -> None:
         self._model, self._scene = model, model.scene
         self._names = ContactNames(model.scene)
         self._counts = {"box": 0, "mesh": 0, "hfield": 0}
@@ -326,8 +326,10 @@ class _CollisionGeoms:
         low, relief = float(levels.min()), float(np.ptp(levels))
         self._base = low - max(_BELOW, _PART * relief)
         self._sunk = low - SINK * max(relief, _BELOW)
-        for solid in found.solids:
-            self._add_solid(solid)
+        worn, roofs = [one.surface for one in found.solids], [one.top for one in found.solids]
+        names = self._names.of_roofs(worn, roofs)
+        for name, solid in zip(names, found.solids, strict=True):
+            self._add_solid(name, solid)
         for patch in found.patches:
             for surface in patch.used_surfaces:
                 self._add_patch(patch, surface)
@@ -407,8 +409,7 @@ class _CollisionGeoms:
             **self._model.class_of(surface),
         )  # fmt: skip
 
-    def _add_solid(self, solid: Solid) -> None:
-        name = self._names.of_roof(solid.surface, solid.top)
+    def _add_solid(self, name: str, solid: Solid) -> None:
         box = plan_rectangle(solid)
         if box is not None:
             half = 0.5 * (box.top - (self._base if box.under is None else box.under))
@@ -437,7 +438,7 @@ class _CollisionGeoms:
         rows, columns = np.flatnonzero(used.any(axis=1)), np.flatnonzero(used.any(axis=0))
         patch = patch.crop(rows[0], rows[-1] + 1, columns[0], columns[-1] + 1)
         own = patch.used & (patch.surfaces == surface)
-        name = self._names.at(surface, _middles(patch, own))
+        [name] = self._names.at([surface], [_middles(patch, own)])
         used = np.pad(own, 1)
         nodes = used[:-1, :-1] | used[:-1, 1:] | used[1:, :-1] | used[1:, 1:]
         heights = np.where(nodes, patch.heights, self._sunk)
@@ -540,7 +541,7 @@ def _field_parts(found: Collision, wanted: float, how: str = "") -> Iterator[str
             yield f"lines between surfaces on them up to {metres(found.raggedness)}, a cell"
 
 
-def _add_flexes(model: _Model) -> _Told:
+def _add_flexes(model: _Mjcf) -> _Told:
     """Add the mesh as rigid flexes, one for each surface, which are not seen."""
     scene = model.scene
     points = points_of(scene.mesh)

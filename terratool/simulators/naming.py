@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,40 +33,53 @@ class ContactNames:
         self._words: dict[str, str] = {}
         self._counts: Counter[str] = Counter()
 
-    def of_roof(self, surface: int, corners: Floats) -> str:
-        """Return a name for what has a convex roof, by the element that the ground under it is of.
+    def of_roofs(self, surfaces: Sequence[int], roofs: Sequence[Floats]) -> list[str]:
+        """Return names for what has convex roofs, by the elements that the ground under them is of.
 
-        Higher ground may stand on a part of the roof, so the ground is asked in several places.
-
-        Args:
-            surface: index of the surface, -1 for none.
-            corners: (n, 3) corners of the roof, in the coordinates of the mesh.
-        """
-        middle = corners.mean(axis=0)
-        inner = [middle + part * (corners - middle) for part in _INWARDS]
-        return self.at(surface, np.concatenate([middle[None], *inner]))
-
-    def at(self, surface: int, places: Floats) -> str:
-        """Return a name by the element of the place that is nearest to the ground of a surface.
+        Higher ground may stand on a part of a roof, so the ground is asked in several places.
 
         Args:
-            surface: index of the surface, -1 for none.
-            places: (n, 3) places on the ground or near it, in the coordinates of the mesh.
+            surfaces: index of the surface of each roof, -1 for none.
+            roofs: (n, 3) corners of each roof, in the coordinates of the mesh.
         """
+        places = []
+        for corners in roofs:
+            middle = corners.mean(axis=0)
+            inner = [middle + part * (corners - middle) for part in _INWARDS]
+            places.append(np.concatenate([middle[None], *inner]))
+        return self.at(surfaces, places)
+
+    def at(self, surfaces: Sequence[int], places: Sequence[Floats]) -> list[str]:
+        """Return names by the elements of those places that are nearest to the ground.
+
+        Args:
+            surfaces: index of the surface of what gets each name, -1 for none.
+            places: (n, 3) places on its ground or near it, in the coordinates of the mesh.
+        """
+        if not places:
+            return []
         terrain = self._scene.terrain
         west, south, _, _ = terrain.bounds
-        x, y, z = places.T
+        x, y, z = np.concatenate(places).T
         # the mesh may be a little below the terrain
         near = z + self._scene.options.max_error
         below = near if terrain.storeys is not None else None
         found = terrain.sample(x + west, y + south, below)
-        off = np.where(found.surface == surface, np.abs(found.height - z), np.inf)
-        off = np.where(np.isnan(off), np.inf, off)
-        best = int(np.argmin(off))
-        element = int(found.element[best])
-        return self.next(
-            surface, NONE if element < 0 else self._word(element_word(terrain, element))
-        )
+        counts = [len(one) for one in places]
+        off = np.abs(found.height - z)
+        off[np.isnan(off) | (found.surface != np.repeat(surfaces, counts))] = np.inf
+        which = np.repeat(np.arange(len(places)), counts)
+        order = np.lexsort((off, which))  # of equal ones the first
+        best = order[np.cumsum([0, *counts[:-1]])]
+        elements = found.element[best]
+        words = {
+            number: self._word(element_word(terrain, number)) if number >= 0 else NONE
+            for number in np.unique(elements).tolist()
+        }
+        return [
+            self.next(surface, words[number])
+            for surface, number in zip(surfaces, elements.tolist(), strict=True)
+        ]
 
     def next(self, surface: int, element: str) -> str:
         """Return the next name for a surface, by its index, and the word of an element."""
