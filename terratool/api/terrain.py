@@ -32,6 +32,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import SHARE_ABOVE
 from terratool.field.types import real_numbers
 from terratool.mesh.export import MeshOptions
+from terratool.mesh.origin import Origin
 from terratool.mesh.request import AnyMeshReport, MeshRequest, write_mesh_files
 from terratool.output import is_same_file
 from terratool.raster.dem import (
@@ -200,13 +201,17 @@ class UserTerrain(ShownTerrain):
         return write_dem(self, choice, output, wanted)
 
     @takes(MeshOptions, without=("origin", "normals"))
-    def to_mesh(self, **options: Any) -> trimesh.Trimesh:
-        """Mesh of the terrain with upright walls, in coordinates of the world.
+    def to_mesh(self, *, origin: Origin = "world", **options: Any) -> trimesh.Trimesh:
+        """Mesh of the terrain with upright walls, in memory, in coordinates of the world.
 
-        Faces have the colours of their surfaces. `face_attributes` has "surface", the index of each
-        face's surface in `metadata["surfaces"]` or -1, and "wall", whether it stands upright.
+        Vertices are float64, in units of the terrain. Faces have the colours of their surfaces.
+        `face_attributes` has "surface", int32, the index of each face's surface in
+        `metadata["surfaces"]` or -1, and "wall", whether it stands upright. `metadata["origin"]` is
+        the world position of the mesh's zero.
 
         Args:
+            origin: zero of the coordinates: "world", "local" for the south-west corner of what is
+                meshed, "center" for its middle, or a point of the world.
             **options: options of `MeshOptions`, by name.
 
         Raises:
@@ -214,13 +219,16 @@ class UserTerrain(ShownTerrain):
         """
         from terratool.mesh.as_trimesh import trimesh_of
 
-        return trimesh_of(self, fill(MeshOptions, options))
+        return trimesh_of(self, fill(MeshOptions, options, origin=origin))
 
     @takes(MeshRequest)
     def write_mesh(
         self, path: str | Path, *, overwrite: bool = False, **options: Any
     ) -> AnyMeshReport:
         """Write the terrain as a mesh, as `terratool export-mesh` does.
+
+        Coordinates count from the south-west corner of what is written, as those of the command do:
+        `origin="world"` has those of the world. The report's `origin` says where the zero is.
 
         Args:
             path: file to write, whose suffix names the format.
