@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from numpy.typing import ArrayLike
 
@@ -104,14 +104,12 @@ class TorchField:
         Raises:
             RequestError: the points have another shape, type or device.
         """
-        import torch
-
         self._check_points(points, below)
         if not points.requires_grad:
             return self._heights(points)
         from terratool.field.torch_gradient import GroundHeight
 
-        return GroundHeight.apply(points, self._heights, self._slopes)  # type: ignore[no-any-return]
+        return GroundHeight.apply(points, self._heights, self._slopes)
 
     def sample(self, points: torch.Tensor, *, below: bool = False) -> TorchSample:
         """Height, normal, surface and friction at points; only heights have gradients.

@@ -11,7 +11,7 @@ from torch.autograd.function import once_differentiable
 Ask = Callable[[torch.Tensor], torch.Tensor]
 
 
-class GroundHeight(torch.autograd.Function):
+class GroundHeight(torch.autograd.Function):  # type: ignore[misc]  # of no known type
     """Heights at points, whose derivatives by x and y are the slopes of the ground.
 
     Where the ground has no finite slope, outside, in the void and on a vertical tangent, the
@@ -26,7 +26,7 @@ class GroundHeight(torch.autograd.Function):
         return heights(points)
 
     @staticmethod
-    @once_differentiable
+    @once_differentiable  # type: ignore[untyped-decorator]  # likewise
     def backward(ctx: Any, gradient: torch.Tensor) -> tuple[torch.Tensor, None, None]:
         """Gradient by the points, in their shape and type, of that by the heights."""
         (points,) = ctx.saved_tensors

@@ -135,9 +135,7 @@ def test_a_device_has_them_as_pieces() -> None:
     fields = [terrain.to_warp("cpu") for terrain in (stored, sampled)]
     for field in fields:
         field.asks_terrain = False  # as on a GPU
-    one, other = (
-        field.sample(wp.array(places, dtype=wp.vec2d, device="cpu")) for field in fields
-    )
+    one, other = (field.sample(wp.array(places, dtype=wp.vec2d, device="cpu")) for field in fields)
     assert np.array_equal(one.height.numpy(), other.height.numpy())
     assert np.array_equal(one.normal.numpy(), other.normal.numpy())
 

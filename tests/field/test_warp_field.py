@@ -91,7 +91,9 @@ def on_device(terrain: Terrain, *at: Any, dtype: Any = np.float64, **more: Any) 
         ways.append(warp_field.WarpSample(*(each.numpy() for each in found)))
     for one, other in zip(*ways, strict=True):
         assert one.dtype == other.dtype
-        assert np.allclose(one, other, rtol=0, atol=ULP * (one.ndim > rows.ndim - 1), equal_nan=True)
+        assert np.allclose(
+            one, other, rtol=0, atol=ULP * (one.ndim > rows.ndim - 1), equal_nan=True
+        )
     return ways[1]
 
 
