@@ -342,6 +342,7 @@ class Terrain(ShownTerrain):
         poses: str | Path | None = None,
         frame: Literal["world", "sensor"] = "world",
         misses: bool = False,
+        intensity_max: float = 1.0,
         overwrite: bool = False,
         on_ground: float | None = None,
         follow_slope: bool = False,

@@ -487,6 +487,7 @@ class UserTerrain(ShownTerrain):
         poses: str | Path | None = None,
         frame: Literal["world", "sensor"] = "world",
         misses: bool = False,
+        intensity_max: float = 1.0,
         overwrite: bool = False,
         **options: Any,
     ) -> ScanReport:
@@ -499,6 +500,7 @@ class UserTerrain(ShownTerrain):
             poses: path of a CSV file with poses, in place of `pose`.
             frame: axes that points are in.
             misses: whether rays without a reading are kept.
+            intensity_max: intensity of white that is met squarely; 255 for many readers.
             overwrite: whether files may exist.
             **options: options of `ScanOptions`, by name.
 
@@ -509,7 +511,7 @@ class UserTerrain(ShownTerrain):
             WriteError: the file exists or cannot be written.
         """
         scan = _scan(sensor, pose, poses, fill(ScanOptions, options))
-        wanted = ScanOutput(Path(output), frame == "world", misses, overwrite)
+        wanted = ScanOutput(Path(output), frame == "world", misses, overwrite, intensity_max)
         return export_scan(self, scan, wanted)
 
     @takes()
