@@ -23,7 +23,6 @@ from terratool.sensing.readings import ReadingStatus
 from terratool.sensing.scan import Scan, ScanTally
 from terratool.sensing.sensor import Camera
 
-
 _LARGEST_INTENSITY = 65535
 """Largest intensity of any driver, that of 16 bits."""
 
