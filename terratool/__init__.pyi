@@ -150,13 +150,14 @@ class Terrain(ShownTerrain):
     def to_mesh(
         self,
         *,
+        origin: Origin = "world",
         max_error: float | None = None,
         max_faces: int | None = None,
         bounds: Bounds | None = None,
         solid: bool = False,
         base: float | None = None,
     ) -> trimesh.Trimesh:
-        """Mesh of the terrain with upright walls, in coordinates of the world."""
+        """Mesh of the terrain with upright walls, in memory, in coordinates of the world."""
 
     def write_mesh(
         self,
@@ -353,6 +354,7 @@ class Terrain(ShownTerrain):
         poses: str | Path | None = None,
         frame: Literal["world", "sensor"] = "world",
         misses: bool = False,
+        intensity_max: float = 1.0,
         overwrite: bool = False,
         on_ground: float | None = None,
         follow_slope: bool = False,

@@ -202,13 +202,17 @@ class UserTerrain(ShownTerrain):
         return write_dem(self, choice, output, wanted)
 
     @takes(MeshOptions, without=("origin", "normals"))
-    def to_mesh(self, **options: Any) -> trimesh.Trimesh:
-        """Mesh of the terrain with upright walls, in coordinates of the world.
+    def to_mesh(self, *, origin: Origin = "world", **options: Any) -> trimesh.Trimesh:
+        """Mesh of the terrain with upright walls, in memory, in coordinates of the world.
 
-        Faces have the colours of their surfaces. `face_attributes` has "surface", the index of each
-        face's surface in `metadata["surfaces"]` or -1, and "wall", whether it stands upright.
+        Vertices are float64, in units of the terrain. Faces have the colours of their surfaces.
+        `face_attributes` has "surface", int32, the index of each face's surface in
+        `metadata["surfaces"]` or -1, and "wall", whether it stands upright. `metadata["origin"]` is
+        the world position of the mesh's zero.
 
         Args:
+            origin: zero of the coordinates: "world", "local" for the south-west corner of what is
+                meshed, "center" for its middle, or a point of the world.
             **options: options of `MeshOptions`, by name.
 
         Raises:
@@ -216,13 +220,16 @@ class UserTerrain(ShownTerrain):
         """
         from terratool.mesh.as_trimesh import trimesh_of
 
-        return trimesh_of(self, fill(MeshOptions, options))
+        return trimesh_of(self, fill(MeshOptions, options, origin=origin))
 
     @takes(MeshRequest)
     def write_mesh(
         self, path: str | Path, *, overwrite: bool = False, **options: Any
     ) -> AnyMeshReport:
         """Write the terrain as a mesh, as `terratool export-mesh` does.
+
+        Coordinates count from the south-west corner of what is written, as those of the command do:
+        `origin="world"` has those of the world. The report's `origin` says where the zero is.
 
         Args:
             path: file to write, whose suffix names the format.
@@ -501,6 +508,7 @@ class UserTerrain(ShownTerrain):
         poses: str | Path | None = None,
         frame: Literal["world", "sensor"] = "world",
         misses: bool = False,
+        intensity_max: float = 1.0,
         overwrite: bool = False,
         **options: Any,
     ) -> ScanReport:
@@ -513,6 +521,7 @@ class UserTerrain(ShownTerrain):
             poses: path of a CSV file with poses, in place of `pose`.
             frame: axes that points are in.
             misses: whether rays without a reading are kept.
+            intensity_max: intensity of white that is met squarely; 255 for many readers.
             overwrite: whether files may exist.
             **options: options of `ScanOptions`, by name.
 
@@ -523,7 +532,7 @@ class UserTerrain(ShownTerrain):
             WriteError: the file exists or cannot be written.
         """
         scan = _scan(sensor, pose, poses, fill(ScanOptions, options))
-        wanted = ScanOutput(Path(output), frame == "world", misses, overwrite)
+        wanted = ScanOutput(Path(output), frame == "world", misses, overwrite, intensity_max)
         return export_scan(self, scan, wanted)
 
     @takes()

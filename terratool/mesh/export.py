@@ -225,6 +225,9 @@ def export_mesh(
 ) -> MeshReport:
     """Write a terrain, or a part of it, as a mesh with walls.
 
+    Coordinates of the file count from `MeshReport.origin`, by default the south-west corner of what
+    is written; for those of the world `MeshOptions.origin` is "world".
+
     Args:
         terrain: terrain to write.
         path: file to write; its suffix names the format.
