@@ -30,6 +30,8 @@ _BELOW, _PART = 1.0, 0.1
 """Least depth of a base below the lowest ground, units of the terrain, and parts of the relief."""
 _CORNERS = 8
 """Least corners of a polygon that stands for a circle."""
+_SHARE = 0.5
+"""Least part of level ground that boxes stand for, or none do."""
 SAGITTA = 1.05
 """Largest distance of a polygon's side from the circle that it stands for, in errors."""
 
@@ -99,23 +101,26 @@ def primitives_of(ground: Mesh, parts: StackParts | None, error: float) -> list[
         parts: ground, gaps, and what stands over these; None for a terrain without storeys.
         error: error of the mesh: a polygon that is no farther from a circle is one.
     """
-    space = _Space.of(ground, parts)
     faces = _level_faces(ground, parts)
     if not len(faces.plan):
         return []
+    space = _Space.of(ground, parts)
     kinds = faces.kinds()
     regions = _regions(faces.plan, kinds)
-    areas = [float(_areas(faces.plan[own]).sum()) for own in regions]
+    sizes = _areas(faces.plan)
+    areas = [float(sizes[own].sum()) for own in regions]
     found: list[Primitive] = []
     alike: dict[int, list[Primitive]] = {}
     for k in np.argsort(-np.array(areas), kind="stable").tolist():
         first = regions[k][0]
         region = _Region(
             faces.plan[regions[k]], float(faces.tops[first]), float(faces.undersides[first]),
-            int(faces.surfaces[first]), error,
+            int(faces.surfaces[first]), areas[k], error,
         )  # fmt: skip
         same = alike.setdefault(int(kinds[first]), [])
-        if any(one.holds(region.plan, region.near).all() for one in same):
+        if any(one.holds(region.plan[0], region.near).all() for one in same) and any(
+            one.holds(region.plan, region.near).all() for one in same
+        ):
             continue
         new = list(region.primitives(space))
         same += new
@@ -290,6 +295,7 @@ class _Region:
         top: height of the top.
         under: height of the underside.
         surface: index of the surface.
+        area: area seen from above.
         error: error of the mesh.
     """
 
@@ -297,6 +303,7 @@ class _Region:
     top: float
     under: float
     surface: int
+    area: float
     error: float
 
     @property
@@ -346,17 +353,23 @@ class _Region:
         if one is not None:
             yield one
             return
-        low, high = self._turned.min(axis=(0, 1)), self._turned.max(axis=(0, 1))
-        air = air @ self.axes.T
-        if not _touched(air, low, high, self.near).any():
+        level = _Triangles.of(self._turned)
+        low, high = level.low.min(axis=0), level.high.max(axis=0)
+        inner = _Triangles.of(air @ self.axes.T).within(low, high, self.near)
+        if not len(inner.plan):
             if (high - low).min() >= self.error:
                 yield self._primitive(0.5 * (low + high), 0.5 * (high - low), self._largest)
             return
         lines = _lines(np.concatenate([_outline(blocking), rims]) @ self.axes.T, self.near)
-        for low, high in _cut((low, high), air, self._turned, lines, self.error):
-            seen = self._seen(low, high)
-            if seen is not None:
-                yield self._primitive(0.5 * (low + high), 0.5 * (high - low), seen)
+        found, covered = [], 0.0
+        for low, high, near in _cut((low, high), inner, level, lines, self.error):
+            areas, seen = self._seen(low, high, near)
+            if areas > self.near * self.near:
+                found.append(self._primitive(0.5 * (low + high), 0.5 * (high - low), seen))
+                covered += areas
+        # what is round has chords that a few boxes fit to
+        if covered > _SHARE * self.area:
+            yield from found
 
     def _primitive(self, middle: Floats, half: Floats, seen: Floats) -> Primitive:
         """Return the box of a rectangle, given along and across `turn`, with a place on its top."""
@@ -397,17 +410,12 @@ class _Region:
             self.surface, (x, y), (radius, radius), 0.0, self.top, self.under, True, (u, v)
         )
 
-    def _seen(self, low: Floats, high: Floats) -> Floats | None:
-        """Return a place of the region within a rectangle, in the largest part; None if none is."""
-        near = _touched(self._turned, low, high, self.near)
-        parts = shapely.intersection(
-            shapely.polygons(self._turned[near]), shapely.box(*low, *high)
-        )
+    def _seen(self, low: Floats, high: Floats, level: Floats) -> tuple[float, Floats]:
+        """Return the area of triangles within a rectangle, and a place in the largest part."""
+        parts = shapely.intersection(shapely.polygons(level), shapely.box(*low, *high))
         areas = shapely.area(parts)
-        if not len(areas) or areas.max() <= self.near * self.near:
-            return None
         at = shapely.get_coordinates(shapely.point_on_surface(parts[np.argmax(areas)]))[0]
-        return np.asarray(at @ self.axes)
+        return float(areas.sum()), np.asarray(at @ self.axes)
 
 
 def _lines(outline: Floats, near: float) -> tuple[_Lines, _Lines]:
@@ -435,36 +443,60 @@ def _lines(outline: Floats, near: float) -> tuple[_Lines, _Lines]:
     return found[0], found[1]
 
 
-def _touched(plan: Floats, low: Floats, high: Floats, near: float) -> Bools:
-    """Whether triangles, (n, 3, 2), reach into a rectangle along the axes by more than `near`."""
-    middle, half = 0.5 * (low + high), 0.5 * (high - low) - near
-    away = plan - middle
-    out = (away.min(axis=1) > half) | (away.max(axis=1) < -half)
-    found = ~out.any(axis=1)
-    some = away[found]
-    sides = np.roll(some, -1, axis=1) - some
-    normals = np.stack([-sides[..., 1], sides[..., 0]], axis=-1)
-    along = np.einsum("nki,nci->nkc", normals, some)
-    reach = np.abs(normals) @ half
-    found[found] = ~((along.min(axis=2) > reach) | (along.max(axis=2) < -reach)).any(axis=1)
-    return found
+class _Triangles(NamedTuple):
+    """Triangles seen from above.
+
+    Attributes:
+        plan: (n, 3, 2) corners.
+        low: (n, 2) least x and y.
+        high: (n, 2) largest x and y.
+    """
+
+    plan: Floats
+    low: Floats
+    high: Floats
+
+    @classmethod
+    def of(cls, plan: Floats) -> _Triangles:
+        """Return triangles by their corners, (n, 3, 2)."""
+        return cls(plan, plan.min(axis=1), plan.max(axis=1))
+
+    def within(self, low: Floats, high: Floats, near: float) -> _Triangles:
+        """Return those that reach into a rectangle along the axes by more than `near`."""
+        low, high = low + near, high - near
+        (west, south), (east, north) = self.low.T, self.high.T
+        own = (east > low[0]) & (west < high[0]) & (north > low[1]) & (south < high[1])
+        found = np.flatnonzero(own)
+        # a side of a triangle may be between it and the rectangle
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        away = self.plan[found] - middle
+        sides = away[:, [1, 2, 0]] - away
+        normals = np.stack([-sides[..., 1], sides[..., 0]], axis=-1)
+        along = normals @ away.transpose(0, 2, 1)
+        reach = np.abs(normals) @ half
+        out = (along.min(axis=2) > reach) | (along.max(axis=2) < -reach)
+        found = found[~out.any(axis=1)]
+        return _Triangles(self.plan[found], self.low[found], self.high[found])
 
 
 def _cut(
     whole: tuple[Floats, Floats],
-    air: Floats,
-    level: Floats,
+    air: _Triangles,
+    level: _Triangles,
     lines: tuple[_Lines, _Lines],
     least: float,
-) -> Iterator[tuple[Floats, Floats]]:
+) -> Iterator[tuple[Floats, Floats, Floats]]:
     """Yield rectangles without air in them, cut from one along the outlines of the air.
 
     Args:
         whole: lower and upper ends of the rectangle to be cut.
-        air: (n, 3, 2) triangles of air.
-        level: (m, 3, 2) triangles that the rectangles are to hold.
+        air: triangles of air.
+        level: triangles that the rectangles are to hold.
         lines: lines along y and along x on which cuts may be made.
         least: least side length of a rectangle.
+
+    Yields:
+        Lower and upper ends of a rectangle, and the level triangles that reach into it.
     """
     near = NEAR * least
     stack = [(*whole, air, level)]
@@ -472,12 +504,12 @@ def _cut(
         low, high, air, level = stack.pop()
         if (high - low).min() < least:
             continue
-        level = level[_touched(level, low, high, near)]
-        air = air[_touched(air, low, high, near)]
-        if not len(level):
+        level = level.within(low, high, near)
+        if not len(level.plan):
             continue
-        if not len(air):
-            yield low, high
+        air = air.within(low, high, near)
+        if not len(air.plan):
+            yield low, high, level.plan
             continue
         best: tuple[float, int, float] | None = None
         for across, some in enumerate(lines):
