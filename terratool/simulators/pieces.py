@@ -20,6 +20,7 @@ from terratool.mesh.formats.common import (
 from terratool.mesh.formats.obj import write_obj
 from terratool.mesh.types import CornerNormals, Mesh
 from terratool.report.wording import count_of, join_words
+from terratool.simulators.naming import ContactNames
 from terratool.simulators.primitives import Primitive
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.uncovered import uncovered
@@ -130,14 +131,10 @@ def write_contacts(scene: Scene, folder: Path) -> Contacts:
     pieces = write_pieces(scene, folder)
     left = uncovered(scene.mesh, scene.primitives, scene.options.max_error)
     parts = {part.surface: part for part in surface_parts(left)}
-    names = Naming(scene)
+    named = _named(scene)
     found = []
     for part, (one, seen) in zip(scene.parts, pieces, strict=True):
-        primitives = [
-            NamedPrimitive(names.next_name(shape), shape)
-            for shape in scene.primitives
-            if shape.surface == part.surface
-        ]
+        primitives = [own for own in named if own.shape.surface == part.surface]
         own, file = parts.get(part.surface), None
         if not primitives and own is not None:
             file = seen
@@ -152,26 +149,19 @@ def write_contacts(scene: Scene, folder: Path) -> Contacts:
     return Contacts(found, boxes, cylinders, len(left.faces), _ground_area(left) / whole)
 
 
+def _named(scene: Scene) -> list[NamedPrimitive]:
+    """Return the primitives of a scene with their names, by the elements that their tops are of."""
+    shapes = scene.primitives
+    places = [np.array([(*shape.seen, shape.top)]) for shape in shapes]
+    names = ContactNames(scene).at([shape.surface for shape in shapes], places)
+    return [NamedPrimitive(*pair) for pair in zip(names, shapes, strict=True)]
+
+
 def _ground_area(mesh: Mesh) -> float:
     """Return the area of the faces of a mesh that look up and are no walls."""
     corners = mesh.vertices[mesh.faces[~mesh.walls]]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return 0.5 * float(np.linalg.norm(normals[normals[:, 2] > 0.0], axis=1).sum())
-
-
-class Naming:
-    """Names of what collides: terrain, surface, kind and a number from 0 on, with `/` between."""
-
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
-        self._counts: dict[str, int] = {}
-
-    def next_name(self, shape: Primitive) -> str:
-        """Return the name of a box or cylinder."""
-        kind = "cylinder" if shape.is_round else "box"
-        begin = f"{self._scene.name}/{self._scene.material(shape.surface).word}/{kind}"
-        number = self._counts[begin] = self._counts.get(begin, -1) + 1
-        return f"{begin}/{number}"
 
 
 def file_names(materials: Iterable[Material], ending: str) -> list[str]:
