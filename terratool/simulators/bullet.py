@@ -6,9 +6,9 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from terratool.report.wording import count_of
+from terratool.simulators.level_solids import LevelSolid
 from terratool.simulators.markup import child, comment, numbers, rgba, write_xml
 from terratool.simulators.pieces import write_contacts
-from terratool.simulators.primitives import Primitive
 from terratool.simulators.scene import Scene
 from terratool.simulators.targets import WrittenFiles
 
@@ -39,25 +39,26 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
             shape = child(link, "collision", name=f"{surface.name}/mesh", concave="yes")
             child(shape, "origin", xyz=place, rpy="0 0 0")
             child(child(shape, "geometry"), "mesh", filename=surface.file)
-        for primitive in surface.primitives:
-            shape = child(link, "collision", name=primitive.name)
-            center = numbers(primitive.center(scene))
-            child(shape, "origin", xyz=center, rpy=f"0 0 {primitive.shape.turn:.9g}")
-            _add_shape(child(shape, "geometry"), primitive.shape)
+        for solid in surface.solids:
+            shape = child(link, "collision", name=solid.name)
+            center = numbers(solid.center(scene))
+            child(shape, "origin", xyz=center, rpy=f"0 0 {solid.shape.turn:.9g}")
+            _add_shape(child(shape, "geometry"), solid.shape)
         joint = child(robot, "joint", name=f"{surface.name}/joint", type="fixed")
         child(joint, "parent", link=_ROOT)
         child(joint, "child", link=surface.name)
     write_xml(robot, folder / _FILE)
     faces = len(scene.mesh.faces)
+    flags = _ROUND * bool(contacts.cylinders)
     return WrittenFiles(
         summary=f"{count_of(len(contacts.surfaces), 'link')}, seen as {count_of(faces, 'face')};"
-        f" {contacts.summary} collide",
+        f" {contacts.summary} to collide with",
         language="python",
         load=(
             "import pybullet  # pip install pybullet",
             "pybullet.connect(pybullet.DIRECT)",
             "pybullet.setPhysicsEngineParameter(enableFileCaching=0)",
-            f'terrain = pybullet.loadURDF("{_FILE}", useFixedBase=1{_ROUND * bool(contacts.cylinders)})',
+            f'terrain = pybullet.loadURDF("{_FILE}", useFixedBase=1{flags})',
         ),
         notes=(*_NOTES, *contacts.note, *(_CYLINDERS,) * bool(contacts.cylinders)),
         losses=(
@@ -98,7 +99,7 @@ def _add_zero_mass(link: ET.Element) -> None:
     child(inertial, "inertia", ixx=0, ixy=0, ixz=0, iyy=0, iyz=0, izz=0)
 
 
-def _add_shape(geometry: ET.Element, shape: Primitive) -> None:
+def _add_shape(geometry: ET.Element, shape: LevelSolid) -> None:
     length, width, height = shape.size
     if shape.is_round:
         child(geometry, "cylinder", radius=numbers([0.5 * length]), length=numbers([height]))

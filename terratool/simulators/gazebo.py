@@ -9,9 +9,9 @@ from pathlib import Path
 from terratool.report.numbers import metres, never_quite, per_cent
 from terratool.report.wording import count_of
 from terratool.simulators.heightmap import HeightMap, write_heightmap
+from terratool.simulators.level_solids import LevelSolid
 from terratool.simulators.markup import child, comment, numbers, one_line, rgba, write_xml
 from terratool.simulators.pieces import Contacts, write_contacts
-from terratool.simulators.primitives import Primitive
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import WrittenFiles
 
@@ -71,9 +71,9 @@ def _add_meshes(scene: Scene, link: ET.Element, folder: Path) -> WrittenFiles:
         if surface.file is not None:
             geometry = _add_collision(link, f"{surface.name}/mesh", place, one)
             child(child(geometry, "mesh"), "uri", surface.file)
-        for primitive in surface.primitives:
-            pose = f"{numbers(primitive.center(scene))} 0 0 {primitive.shape.turn:.9g}"
-            _add_shape(_add_collision(link, primitive.name, pose, one), primitive.shape)
+        for solid in surface.solids:
+            pose = f"{numbers(solid.center(scene))} 0 0 {solid.shape.turn:.9g}"
+            _add_shape(_add_collision(link, solid.name, pose, one), solid.shape)
         visual = child(link, "visual", name=f"{surface.name}/visual")
         child(visual, "pose", place)
         child(child(child(visual, "geometry"), "mesh"), "uri", surface.seen)
@@ -81,7 +81,7 @@ def _add_meshes(scene: Scene, link: ET.Element, folder: Path) -> WrittenFiles:
     faces = len(scene.mesh.faces)
     return WrittenFiles(
         summary=f"a mesh for each of {count_of(len(contacts.surfaces), 'surface')} is seen, of"
-        f" {count_of(faces, 'face')} together; {contacts.summary} collide",
+        f" {count_of(faces, 'face')} together; {contacts.summary} to collide with",
         language="sh",
         load=_LOAD,
         notes=(
@@ -112,7 +112,7 @@ def _add_collision(link: ET.Element, name: str, pose: str, one: Material) -> ET.
     return geometry
 
 
-def _add_shape(geometry: ET.Element, shape: Primitive) -> None:
+def _add_shape(geometry: ET.Element, shape: LevelSolid) -> None:
     length, width, height = shape.size
     if shape.is_round:
         cylinder = child(geometry, "cylinder")

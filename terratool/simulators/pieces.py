@@ -20,14 +20,14 @@ from terratool.mesh.formats.common import (
 from terratool.mesh.formats.obj import write_obj
 from terratool.mesh.types import CornerNormals, Mesh
 from terratool.report.wording import count_of, join_words
+from terratool.simulators.level_solids import LevelSolid
 from terratool.simulators.naming import ContactNames
-from terratool.simulators.primitives import Primitive
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.uncovered import uncovered
 
 CONTACTS = "collision"
 """Folder of meshes that collide, where these are not those that are seen."""
-_PRIMITIVES = (
+_SOLIDS = (
     "Level ground and level decks collide as boxes and cylinders, with the friction of their"
     f" surface. What is left of a mesh then is in the folder `{CONTACTS}`; what is seen is the"
     " whole of it. Boxes may go on under higher ground."
@@ -49,7 +49,7 @@ def write_pieces(scene: Scene, folder: Path) -> list[tuple[Material, str]]:
     return list(zip(materials, files, strict=True))
 
 
-class NamedPrimitive(NamedTuple):
+class NamedSolid(NamedTuple):
     """A box or cylinder with the name of its collision.
 
     Attributes:
@@ -58,7 +58,7 @@ class NamedPrimitive(NamedTuple):
     """
 
     name: str
-    shape: Primitive
+    shape: LevelSolid
 
     def center(self, scene: Scene) -> tuple[float, float, float]:
         """Return the place of the middle in the files."""
@@ -67,25 +67,25 @@ class NamedPrimitive(NamedTuple):
 
 
 class SurfaceContact(NamedTuple):
-    """What is seen of a surface, and what of it collides.
+    """Files and solids of a surface, to be seen and to collide.
 
     Attributes:
         material: figures of the surface.
         name: begin of the names of what it has.
         seen: file of the mesh that is seen.
-        file: file of the mesh that collides; None where primitives stand for all of it.
-        primitives: boxes and cylinders.
+        file: file of the mesh that collides; None where solids stand for all of it.
+        solids: boxes and cylinders.
     """
 
     material: Material
     name: str
     seen: str
     file: str | None
-    primitives: list[NamedPrimitive]
+    solids: list[NamedSolid]
 
 
 class Contacts(NamedTuple):
-    """What collides, by surface.
+    """Meshes, boxes and cylinders that collide, by surface.
 
     Attributes:
         surfaces: each surface.
@@ -103,7 +103,7 @@ class Contacts(NamedTuple):
 
     @property
     def summary(self) -> str:
-        """What collides in a few words."""
+        """Meshes, boxes and cylinders in a few words."""
         kinds = ((self.boxes, "box"), (self.cylinders, "cylinder"))
         words = [count_of(count, kind) for count, kind in kinds if count]
         if self.faces:
@@ -112,7 +112,7 @@ class Contacts(NamedTuple):
 
     @property
     def reduced(self) -> bool:
-        """Whether there are primitives."""
+        """Whether there are solids."""
         return self.boxes + self.cylinders > 0
 
     @property
@@ -122,39 +122,39 @@ class Contacts(NamedTuple):
 
     @property
     def note(self) -> tuple[str, ...]:
-        """Paragraph on primitives; none without any."""
-        return (_PRIMITIVES,) * self.reduced
+        """Paragraph on solids; none without any."""
+        return (_SOLIDS,) * self.reduced
 
 
 def write_contacts(scene: Scene, folder: Path) -> Contacts:
     """Write an OBJ for each surface that is seen, and of what is left of it where that is less."""
     pieces = write_pieces(scene, folder)
-    left = uncovered(scene.mesh, scene.primitives, scene.options.max_error)
+    left = uncovered(scene.mesh, scene.level_solids, scene.options.max_error)
     parts = {part.surface: part for part in surface_parts(left)}
     named = _named(scene)
     found = []
     for part, (one, seen) in zip(scene.parts, pieces, strict=True):
-        primitives = [own for own in named if own.shape.surface == part.surface]
+        solids = [own for own in named if own.shape.surface == part.surface]
         own, file = parts.get(part.surface), None
-        if not primitives and own is not None:
+        if not solids and own is not None:
             file = seen
         elif own is not None:
             (folder / CONTACTS).mkdir(exist_ok=True)
             file = f"{CONTACTS}/{seen}"
             write_obj(_piece(left, own, one), folder / file, scene.terrain.descr)
-        found.append(SurfaceContact(one, f"{scene.name}/{one.word}", seen, file, primitives))
-    cylinders = sum(shape.is_round for shape in scene.primitives)
-    boxes = len(scene.primitives) - cylinders
+        found.append(SurfaceContact(one, f"{scene.name}/{one.word}", seen, file, solids))
+    cylinders = sum(shape.is_round for shape in scene.level_solids)
+    boxes = len(scene.level_solids) - cylinders
     whole = _ground_area(scene.mesh)
     return Contacts(found, boxes, cylinders, len(left.faces), _ground_area(left) / whole)
 
 
-def _named(scene: Scene) -> list[NamedPrimitive]:
-    """Return the primitives of a scene with their names, by the elements that their tops are of."""
-    shapes = scene.primitives
+def _named(scene: Scene) -> list[NamedSolid]:
+    """Return the solids of a scene with their names, by the elements that their tops are of."""
+    shapes = scene.level_solids
     places = [np.array([(*shape.seen, shape.top)]) for shape in shapes]
     names = ContactNames(scene).at([shape.surface for shape in shapes], places)
-    return [NamedPrimitive(*pair) for pair in zip(names, shapes, strict=True)]
+    return [NamedSolid(*pair) for pair in zip(names, shapes, strict=True)]
 
 
 def _ground_area(mesh: Mesh) -> float:

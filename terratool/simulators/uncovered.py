@@ -1,4 +1,4 @@
-"""What is left of a mesh where boxes and cylinders stand for parts of it."""
+"""Meshes without those faces that boxes and cylinders stand for."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from terratool.mesh.triangulate import delaunay
 from terratool.mesh.types import CornerNormals, Mesh
-from terratool.simulators.primitives import NEAR, SAGITTA, Primitive
+from terratool.simulators.level_solids import SAGITTA, LevelSolid
+from terratool.simulators.rectangles import NEAR
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -20,19 +21,19 @@ _GRID = 1e-3
 """Spacing of the places to which cuts are rounded, in parts of the distance that counts as none."""
 
 
-def uncovered(mesh: Mesh, primitives: list[Primitive], error: float) -> Mesh:
-    """Return a mesh without what lies on the outside of primitives.
+def uncovered(mesh: Mesh, solids: list[LevelSolid], error: float) -> Mesh:
+    """Return a mesh without what lies on the outside of solids.
 
     Level faces that are covered in part are cut; upright ones are kept then.
 
     Args:
         mesh: mesh with normals.
-        primitives: primitives that stand for parts of the mesh.
+        solids: solids that stand for parts of the mesh.
         error: error of the mesh: its polygons are no farther from circles that they stand for.
     """
-    if not primitives:
+    if not solids:
         return mesh
-    covers = _Covers(primitives, error)
+    covers = _Covers(solids, error)
     corners = mesh.vertices[mesh.faces]
     gone = np.zeros(len(mesh.faces), np.bool_)
     walls = np.flatnonzero(mesh.walls)
@@ -44,7 +45,7 @@ def uncovered(mesh: Mesh, primitives: list[Primitive], error: float) -> Mesh:
 
 
 @dataclass(frozen=True)
-class _Faces:
+class _AddedFaces:
     """Level faces that are added to a mesh.
 
     Attributes:
@@ -59,20 +60,20 @@ class _Faces:
 class _Covers:
     """Primitives that cover faces."""
 
-    def __init__(self, primitives: list[Primitive], error: float) -> None:
+    def __init__(self, solids: list[LevelSolid], error: float) -> None:
         self.near, self._error = NEAR * error, error
-        self._ones = primitives
+        self._ones = solids
         columns = np.array(
-            [(one.surface, one.under, one.top, *one.middle, *one.half) for one in primitives]
+            [(one.surface, one.under, one.top, *one.middle, *one.half) for one in solids]
         )
         self._surfaces, self._spans = columns[:, 0], columns[:, 1:3]
         self._middles, self._halves = columns[:, 3:5], columns[:, 5:7]
-        self._axes = np.array([one.axes for one in primitives])
-        self._round = np.array([one.is_round for one in primitives])
-        self._rings = np.array([one.corners() for one in primitives])
+        self._axes = np.array([one.axes for one in solids])
+        self._round = np.array([one.is_round for one in solids])
+        self._rings = np.array([one.corners() for one in solids])
 
     def hold_walls(self, corners: Floats, surfaces: Ints) -> Bools:
-        """Whether upright faces, (n, 3, 3), lie in sides of primitives, (n,)."""
+        """Whether upright faces, (n, 3, 3), lie in sides of solids, (n,)."""
         found = np.zeros(len(corners), np.bool_)
         if not len(corners):
             return found
@@ -84,7 +85,7 @@ class _Covers:
         lines = shapely.linestrings(ends)
 
         def near(tree: shapely.STRtree, sides: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-            """Return faces and indices in a tree of sides of primitives that may cover them."""
+            """Return faces and indices in a tree of sides of solids that may cover them."""
             face, side = tree.query(lines, predicate="dwithin", distance=self.near)
             one = own[side // sides]
             fits = (span[face, 0] >= self._spans[one, 0] - self.near) & (
@@ -127,7 +128,7 @@ class _Covers:
         face, begin, along, sides = face[on], begin[on], along[on], sides[on]
         share = ((sides - begin[:, None]) * along[:, None]).sum(axis=2)
         share /= (along * along).sum(axis=1)[:, None]
-        # the sides of one face follow those of the one before, so that one sum has the unions of all
+        # the sides of each face come after those of the one before: one sum has all unions
         share = share.clip(0.0, 1.0) + 2.0 * face[:, None]
         low, high = share.min(axis=1), share.max(axis=1)
         order = np.lexsort([low, face])
@@ -137,8 +138,8 @@ class _Covers:
         lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         return np.asarray((1.0 - covered) * lengths <= 2.0 * self.near)
 
-    def cut_level(self, corners: Floats, surfaces: Ints) -> tuple[Bools, _Faces]:
-        """Return whether primitives cover level faces, (n, 3, 3), and what is left of these."""
+    def cut_level(self, corners: Floats, surfaces: Ints) -> tuple[Bools, _AddedFaces]:
+        """Return whether solids cover level faces, (n, 3, 3), and what is left of these."""
         sides = corners[:, 1:, :2] - corners[:, :1, :2]
         up = sides[:, 0, 0] * sides[:, 1, 1] > sides[:, 0, 1] * sides[:, 1, 0]
         shrunk = shapely.polygons([one.corners(-self.near) for one in self._ones])
@@ -159,7 +160,7 @@ class _Covers:
         gone[face[within]] = True
         some = ~gone[face] & ~self._round[one]
         face, one = face[some], one[some]
-        left = [_Faces(np.empty((0, 3, 3)), np.empty(0, np.int32))]
+        left = [_AddedFaces(np.empty((0, 3, 3)), np.empty(0, np.int32))]
         kinds = np.column_stack([surfaces, up, np.round(corners[:, 0, 2] / self.near)])[face]
         _, kind = np.unique(kinds, axis=0, return_inverse=True)
         for k in range(int(kind.max(initial=-1)) + 1):
@@ -170,9 +171,9 @@ class _Covers:
             plan = rest if up[first] else rest[:, ::-1]
             z = np.full((*plan.shape[:2], 1), corners[first, 0, 2])
             worn = np.full(len(plan), surfaces[first], np.int32)
-            left.append(_Faces(np.concatenate([plan, z], axis=2), worn))
+            left.append(_AddedFaces(np.concatenate([plan, z], axis=2), worn))
             gone[own] = True
-        return gone, _Faces(
+        return gone, _AddedFaces(
             np.concatenate([one.corners for one in left]),
             np.concatenate([one.surfaces for one in left]),
         )
@@ -200,7 +201,7 @@ class _Covers:
         return np.concatenate(found)
 
 
-def _joined(mesh: Mesh, kept: Bools, more: _Faces) -> Mesh:
+def _joined(mesh: Mesh, kept: Bools, more: _AddedFaces) -> Mesh:
     """Return some faces of a mesh with normals, and more faces that are level."""
     assert mesh.normals is not None
     count, own = len(mesh.vertices), more.corners.reshape(-1, 3)

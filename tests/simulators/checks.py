@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -417,8 +418,13 @@ def check_slopes(load: Callable[[Terrain], Simulator], margin: float = 2.0) -> d
     return ways
 
 
-def change_objs(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> None:
-    """Move all vertices of the OBJ files of a folder: (n, 3) to (n, 3)."""
+def change_shapes(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    """Move all vertices of the OBJ files of a folder, and boxes and cylinders of its SDF or URDF.
+
+    Args:
+        folder: which.
+        change: (n, 3) to (n, 3), in coordinates of the OBJ files.
+    """
     for path in folder.rglob("*.obj"):
         lines = path.read_text("utf-8").splitlines()
         at = [number for number, line in enumerate(lines) if line.startswith("v ")]
@@ -426,3 +432,36 @@ def change_objs(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> Non
         for number, point in zip(at, change(points).tolist(), strict=True):
             lines[number] = "v " + " ".join(map(repr, point))
         path.write_text("\n".join(lines) + "\n", "utf-8")
+    for path in (*folder.glob("*.sdf"), *folder.glob("*.urdf")):
+        tree = ET.parse(path)
+        poses = [pose_of(visual) for visual in tree.iter("visual")]
+        for shape in tree.iter("collision"):
+            if shape.find("geometry/mesh") is None:
+                place = pose_of(shape)
+                angle = place[5]
+                way = np.array([(0, 0, 0), (math.cos(angle), math.sin(angle), 0)])
+                along = place[:3] + way
+                start, end = change(along - poses[0][:3]) + poses[0][:3]
+                place[:3], place[5] = start, math.atan2(*(end - start)[1::-1])
+                set_pose(shape, place)
+        tree.write(path)
+
+
+def pose_of(shape: ET.Element) -> np.ndarray:
+    """Place and angles, (6,), of a shape of an SDF or a URDF."""
+    origin = shape.find("origin")
+    words = (
+        shape.findtext("pose", "") if origin is None else f"{origin.get('xyz')} {origin.get('rpy')}"
+    )
+    return np.array(words.split(), np.float64)
+
+
+def set_pose(shape: ET.Element, pose: np.ndarray) -> None:
+    """Give a shape of an SDF or a URDF another place and other angles, (6,)."""
+    words = [repr(number) for number in pose.tolist()]
+    origin, own = shape.find("origin"), shape.find("pose")
+    if origin is not None:
+        origin.set("xyz", " ".join(words[:3]))
+        origin.set("rpy", " ".join(words[3:]))
+    elif own is not None:
+        own.text = " ".join(words)

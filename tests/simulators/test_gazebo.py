@@ -131,6 +131,14 @@ def test_dart_has_the_friction_of_boxes_and_cylinders(drop: Drop, tmp_path: Path
     assert not any("DART" in line for line in manifest["losses"])
 
 
+@pytest.mark.nightly
+def test_wheels_rest_on_boxes_and_cylinders(drop: Drop, tmp_path: Path) -> None:
+    folder, _, _ = written(terrain_of(LEVEL), tmp_path / "out", "gazebo")
+    places = [*SPOTS.values(), (6.5, 3.2, 0.5), (0.02, 0.3, 0.2)]
+    found = drop(folder, ["wheel {} {} {} {}".format(*place, RADIUS) for place in places])
+    assert found == pytest.approx([z for _, _, z in places], abs=0.002)
+
+
 def sample(name: str) -> Terrain:
     return terrain_of(SITE) if name == "site" else terratool.load(f"samples/{name}.json")
 
@@ -169,12 +177,11 @@ def test_a_wrong_model_is_found(spoil: str, drop: Drop, tmp_path: Path) -> None:
     folder, ground, _ = written(sample("warehouse"), tmp_path / "out", "gazebo", origin="center")
     west, _, east, _ = ground.bounds
     if spoil == "mirrored":
-        checks.change_objs(folder, lambda at: at * (-1, 1, 1) + (east - west, 0, 0))
+        checks.change_shapes(folder, lambda at: at * (-1, 1, 1) + (east - west, 0, 0))
     elif spoil == "transposed":
-        checks.change_objs(folder, lambda at: at[:, [1, 0, 2]])
+        checks.change_shapes(folder, lambda at: at[:, [1, 0, 2]])
     else:
-        world = folder / "world.sdf"
-        world.write_text(world.read_text().replace("<pose>-30 -23 0", "<pose>-23 -30 0"))
+        checks.change_shapes(folder, lambda at: at + np.array([7, -7, 0]))
     assert worst_rest(drop, folder, ground) > 0.005
 
 
@@ -189,7 +196,7 @@ def test_friction_is_in_the_file_and_dart_does_not_read_it(drop: Drop, tmp_path:
         ode = [one.findtext(f"surface/friction/ode/{key}") for key in ("mu", "mu2")]
         found[one.get("name")] = [float(value) for value in ode if value]
     assert found == {
-        f"{name}_collision": [pytest.approx(math.tan(math.radians(angle)), rel=1e-5)] * 2
+        f"terrain/{name}/mesh": [pytest.approx(math.tan(math.radians(angle)), rel=1e-5)] * 2
         for name, angle in checks.FRICTION_ANGLES.items()
     }
     assert any("takes the friction of meshes for 1" in line for line in manifest["losses"])
@@ -210,17 +217,19 @@ def test_a_file_for_each_surface(tmp_path: Path) -> None:
     link = ET.parse(folder / "world.sdf").getroot().find("world/model/link")
     assert link is not None
     shapes = {shape.get("name"): shape for shape in link}
-    assert list(shapes) == ["rock_collision", "rock_visual", "grass_collision", "grass_visual"]
+    assert list(shapes) == [
+        f"terrain/{name}/{kind}" for name in ("rock", "grass") for kind in ("mesh", "visual")
+    ]
     for name, shape in shapes.items():
         file = shape.findtext("geometry/mesh/uri")
-        assert file == f"{str(name).split('_')[0]}.obj"
+        assert file == f"{str(name).split('/')[1]}.obj"
         lines = (folder / file).read_text().splitlines()
         assert sum(line.startswith("vn ") for line in lines) > 0
         assert len({line for line in lines if line.startswith("g ")}) == 1
         assert shape.findtext("pose") == "500000 4649776 0 0 0 0"
-    assert shapes["grass_visual"].findtext("material/diffuse") == "0 0.2 1 1"
-    assert shapes["grass_collision"].findtext("laser_retro") == "0.25"
-    assert shapes["rock_collision"].find("laser_retro") is None
+    assert shapes["terrain/grass/visual"].findtext("material/diffuse") == "0 0.2 1 1"
+    assert shapes["terrain/grass/mesh"].findtext("laser_retro") == "0.25"
+    assert shapes["terrain/rock/mesh"].find("laser_retro") is None
 
 
 def test_heightmap_is_square_and_full(tmp_path: Path) -> None:

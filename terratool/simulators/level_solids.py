@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 from terratool.mesh.components import components
 from terratool.mesh.stacked import StackParts
 from terratool.mesh.types import Mesh
+from terratool.simulators.rectangles import NEAR, CutRectangle, PlanTriangles, cut, lines_of
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-NEAR = 0.02
-"""Distance that counts as none, in errors: levels of a mesh that are hardly apart are one."""
 _MOST = 2_000
 """Most boxes and cylinders: simulators take long to load more."""
 _LEVEL = 1e-6
@@ -36,7 +35,7 @@ SAGITTA = 1.05
 """Largest distance of a polygon's side from the circle that it stands for, in errors."""
 
 
-class Primitive(NamedTuple):
+class LevelSolid(NamedTuple):
     """An upright box or cylinder with a level top, in the coordinates of a mesh.
 
     Attributes:
@@ -56,8 +55,8 @@ class Primitive(NamedTuple):
     turn: float
     top: float
     under: float
-    is_round: bool = False
-    seen: tuple[float, float] = (math.nan, math.nan)
+    is_round: bool
+    seen: tuple[float, float]
 
     @property
     def center(self) -> tuple[float, float, float]:
@@ -88,7 +87,7 @@ class Primitive(NamedTuple):
         return np.asarray((np.abs(away) <= np.array(self.half) + near).all(axis=-1))
 
 
-def primitives_of(ground: Mesh, parts: StackParts | None, error: float) -> list[Primitive]:
+def level_solids_of(ground: Mesh, parts: StackParts | None, error: float) -> list[LevelSolid]:
     """Return boxes and cylinders that stand for level ground, and for decks with level undersides.
 
     Each has the surface of its top, lies in solid ground and reaches down into it, to a base far
@@ -109,8 +108,8 @@ def primitives_of(ground: Mesh, parts: StackParts | None, error: float) -> list[
     regions = _regions(faces.plan, kinds)
     sizes = _areas(faces.plan)
     areas = [float(sizes[own].sum()) for own in regions]
-    found: list[Primitive] = []
-    alike: dict[int, list[Primitive]] = {}
+    found: list[LevelSolid] = []
+    alike: dict[int, list[LevelSolid]] = {}
     for k in np.argsort(-np.array(areas), kind="stable").tolist():
         first = regions[k][0]
         region = _Region(
@@ -118,11 +117,11 @@ def primitives_of(ground: Mesh, parts: StackParts | None, error: float) -> list[
             int(faces.surfaces[first]), areas[k], error,
         )  # fmt: skip
         same = alike.setdefault(int(kinds[first]), [])
-        if any(one.holds(region.plan[0], region.near).all() for one in same) and any(
-            one.holds(region.plan, region.near).all() for one in same
-        ):
+        # a larger one may go on under what parts the two
+        ends = region.plan[0], region.plan
+        if any(all(one.holds(some, region.near).all() for some in ends) for one in same):
             continue
-        new = list(region.primitives(space))
+        new = list(region.solids(space))
         same += new
         found += new
         if len(found) >= _MOST:
@@ -131,7 +130,7 @@ def primitives_of(ground: Mesh, parts: StackParts | None, error: float) -> list[
 
 
 class _LevelFaces(NamedTuple):
-    """Triangles with a level top, and a level underside or none.
+    """PlanTriangles with a level top, and a level underside or none.
 
     Attributes:
         plan: (n, 3, 2) corners seen from above.
@@ -152,6 +151,7 @@ class _LevelFaces(NamedTuple):
 
 
 def _level_faces(ground: Mesh, parts: StackParts | None) -> _LevelFaces:
+    """Return the level faces of a ground, and of what stands over gaps."""
     upper = ~ground.walls
     corners, worn = ground.vertices[ground.faces[upper]], ground.surfaces[upper]
     level = np.ptp(corners[:, :, 2], axis=1) <= _LEVEL
@@ -206,7 +206,7 @@ def _outline(plan: Floats) -> Floats:
     """Return the sides that no two of some triangles share, (k, 2, 2)."""
     sides, names = _sides(plan)
     _, first, count = np.unique(names, return_index=True, return_counts=True)
-    return sides[np.sort(first[count == 1])]
+    return np.asarray(sides[np.sort(first[count == 1])])
 
 
 def _regions(plan: Floats, kinds: NDArray[np.int64]) -> list[Indices]:
@@ -223,7 +223,7 @@ def _regions(plan: Floats, kinds: NDArray[np.int64]) -> list[Indices]:
 
 @dataclass(frozen=True)
 class _Space:
-    """What is not solid: the air over the ground, gaps, and what is beyond the terrain.
+    """The air over the ground, and gaps, in which nothing is solid.
 
     Attributes:
         plan: (n, 3, 2) triangles of air seen from above.
@@ -250,8 +250,7 @@ class _Space:
         else:
             air, surfaces = parts.gaps[:, :, :3], parts.floors
             ceilings = parts.gaps[:, :, 3].max(axis=1)
-            low, high = air[:, :, :2].min(axis=(0, 1)), air[:, :, :2].max(axis=(0, 1))
-            ring = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
+            ring = PlanTriangles.of(air[:, :, :2]).extent.corners
             rims = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
         floors = np.column_stack([air[:, :, 2].min(axis=1), air[:, :, 2].max(axis=1)])
         return cls(air[:, :, :2], floors, ceilings, surfaces, rims)
@@ -265,25 +264,14 @@ class _Space:
 
     def blocking(self, region: _Region) -> tuple[Floats, Floats]:
         """Return triangles of air that a box for a region must not reach into, and rims near it."""
-        near = np.sort(self.tree.query(shapely.box(*region.extent)))
+        low, high = region.extent
+        near = np.sort(self.tree.query(shapely.box(*low, *high)))
         air, rims = near[near < len(self.plan)], near[near >= len(self.plan)] - len(self.plan)
         low, high = self.floors[air].T
         open_ = (low < region.top - region.near) & (self.ceilings[air] > region.under + region.near)
         level = (low >= region.top - region.near) & (high <= region.top + region.near)
         other = level & (self.surfaces[air] != region.surface)
         return self.plan[air[open_ | other]], self.rims[rims]
-
-
-class _Lines(NamedTuple):
-    """Lines along one axis, on which a rectangle may be cut.
-
-    Attributes:
-        at: (n,) place of each line across the axis.
-        ends: (n, 2) where each begins and ends along the axis.
-    """
-
-    at: Floats
-    ends: Floats
 
 
 @dataclass(frozen=True)
@@ -335,17 +323,17 @@ class _Region:
         return np.array([[cos, sin], [-sin, cos]])
 
     @cached_property
-    def extent(self) -> tuple[float, ...]:
-        """West, south, east, north of the smallest rectangle along `turn` around the region."""
-        low, high = self._turned.min(axis=(0, 1)), self._turned.max(axis=(0, 1))
-        ring = np.array([low, (high[0], low[1]), high, (low[0], high[1])]) @ self.axes
-        return *ring.min(axis=0).tolist(), *ring.max(axis=0).tolist()
+    def level(self) -> PlanTriangles:
+        """The triangles, along and across `turn`."""
+        return PlanTriangles.of(self.plan @ self.axes.T)
 
     @cached_property
-    def _turned(self) -> Floats:
-        return self.plan @ self.axes.T
+    def extent(self) -> CutRectangle:
+        """The smallest rectangle along the axes around the smallest one along `turn`."""
+        ring = self.level.extent.corners @ self.axes
+        return CutRectangle(ring.min(axis=0), ring.max(axis=0))
 
-    def primitives(self, space: _Space) -> Iterator[Primitive]:
+    def solids(self, space: _Space) -> Iterator[LevelSolid]:
         """Yield the cylinder, or the boxes, that stand for the region."""
         blocking, rims = space.blocking(self)
         air = np.concatenate([blocking, rims[:, [0, 1, 1]]])
@@ -353,36 +341,37 @@ class _Region:
         if one is not None:
             yield one
             return
-        level = _Triangles.of(self._turned)
-        low, high = level.low.min(axis=0), level.high.max(axis=0)
-        inner = _Triangles.of(air @ self.axes.T).within(low, high, self.near)
-        if not len(inner.plan):
-            if (high - low).min() >= self.error:
-                yield self._primitive(0.5 * (low + high), 0.5 * (high - low), self._largest)
+        whole = self.level.extent
+        lower = PlanTriangles.of(air @ self.axes.T).within(whole, self.near)
+        if not len(lower.plan):
+            if min(whole.half) >= 0.5 * self.error:
+                yield self._box(whole, self._largest)
             return
-        lines = _lines(np.concatenate([_outline(blocking), rims]) @ self.axes.T, self.near)
+        lines = lines_of(np.concatenate([_outline(blocking), rims]) @ self.axes.T, self.near)
         found, covered = [], 0.0
-        for low, high, near in _cut((low, high), inner, level, lines, self.error):
-            areas, seen = self._seen(low, high, near)
-            if areas > self.near * self.near:
-                found.append(self._primitive(0.5 * (low + high), 0.5 * (high - low), seen))
-                covered += areas
+        for rectangle, level in cut(whole, self.level, lower, lines, self.error):
+            area, seen = self._seen(rectangle, level)
+            if area > self.near * self.near:
+                found.append(self._box(rectangle, seen))
+                covered += area
         # what is round has chords that a few boxes fit to
         if covered > _SHARE * self.area:
             yield from found
 
-    def _primitive(self, middle: Floats, half: Floats, seen: Floats) -> Primitive:
-        """Return the box of a rectangle, given along and across `turn`, with a place on its top."""
-        (x, y), (a, b), (u, v) = (middle @ self.axes).tolist(), half.tolist(), seen.tolist()
-        box = Primitive(self.surface, (x, y), (a, b), self.turn, self.top, self.under)
-        return box._replace(seen=(u, v))
+    def _box(self, rectangle: CutRectangle, seen: Floats) -> LevelSolid:
+        """Return the box of a rectangle along `turn`, with a place on its top."""
+        (x, y), (a, b) = (rectangle.middle @ self.axes).tolist(), rectangle.half.tolist()
+        u, v = seen.tolist()
+        return LevelSolid(
+            self.surface, (x, y), (a, b), self.turn, self.top, self.under, False, (u, v)
+        )
 
     @property
     def _largest(self) -> Floats:
-        """Middle of the largest triangle."""
+        """Middle of the largest triangle, (2,)."""
         return np.asarray(self.plan[np.argmax(_areas(self.plan))].mean(axis=0))
 
-    def _cylinder(self, air: Floats) -> Primitive | None:
+    def _cylinder(self, air: Floats) -> LevelSolid | None:
         """Return the cylinder that the region is the top of, if it is round and in no air."""
         if 3 * len(self.plan) < _CORNERS:
             return None
@@ -401,147 +390,19 @@ class _Region:
         sagitta = radius - math.sqrt(radius * radius - 0.25 * chord * chord)
         if off > self.near or sagitta > SAGITTA * self.error:
             return None
-        middle = ring[:-1].mean(axis=0) + (x, y)
+        middle = ring[:-1].mean(axis=0) + np.array([x, y])
         polygons = shapely.polygons(air) if len(air) else np.empty(0, object)
         if (shapely.distance(polygons, shapely.points(middle)) < radius - 2.0 * sagitta).any():
             return None
         (x, y), (u, v) = middle.tolist(), self._largest.tolist()
-        return Primitive(
+        return LevelSolid(
             self.surface, (x, y), (radius, radius), 0.0, self.top, self.under, True, (u, v)
         )
 
-    def _seen(self, low: Floats, high: Floats, level: Floats) -> tuple[float, Floats]:
-        """Return the area of triangles within a rectangle, and a place in the largest part."""
-        parts = shapely.intersection(shapely.polygons(level), shapely.box(*low, *high))
+    def _seen(self, rectangle: CutRectangle, level: Floats) -> tuple[float, Floats]:
+        """Return the area of triangles in a rectangle, and a place in the largest part, (2,)."""
+        box = shapely.box(*rectangle.low, *rectangle.high)
+        parts = shapely.intersection(shapely.polygons(level), box)
         areas = shapely.area(parts)
         at = shapely.get_coordinates(shapely.point_on_surface(parts[np.argmax(areas)]))[0]
         return float(areas.sum()), np.asarray(at @ self.axes)
-
-
-def _lines(outline: Floats, near: float) -> tuple[_Lines, _Lines]:
-    """Return lines along y and along x through sides, (n, 2, 2), and around sides that slant."""
-    wide = np.abs(outline[:, 1] - outline[:, 0])
-    upright, level = (wide[:, k] <= near for k in (0, 1))
-    slanting = outline[~(upright | level)]
-    points = np.ascontiguousarray(slanting).reshape(-1, 2).view(np.complex128).ravel()
-    names = np.unique(points.round(9), return_inverse=True)[1].reshape(-1, 2)
-    labels = components(names, int(names.max(initial=-1)) + 1)[names[:, 0]]
-    order = np.argsort(labels, kind="stable")
-    begins = np.flatnonzero(np.diff(labels[order], prepend=-1))
-    sorted_ = slanting[order]
-    low = np.minimum.reduceat(sorted_.min(axis=1), begins) if len(begins) else np.empty((0, 2))
-    high = np.maximum.reduceat(sorted_.max(axis=1), begins) if len(begins) else np.empty((0, 2))
-    found = []
-    for across, along, own in ((0, 1, upright), (1, 0, level)):
-        straight, ends = outline[own], np.column_stack([low[:, along], high[:, along]])
-        found.append(
-            _Lines(
-                np.concatenate([straight[:, :, across].mean(axis=1), low[:, across], high[:, across]]),
-                np.concatenate([np.sort(straight[:, :, along], axis=1), ends, ends]),
-            )
-        )
-    return found[0], found[1]
-
-
-class _Triangles(NamedTuple):
-    """Triangles seen from above.
-
-    Attributes:
-        plan: (n, 3, 2) corners.
-        low: (n, 2) least x and y.
-        high: (n, 2) largest x and y.
-    """
-
-    plan: Floats
-    low: Floats
-    high: Floats
-
-    @classmethod
-    def of(cls, plan: Floats) -> _Triangles:
-        """Return triangles by their corners, (n, 3, 2)."""
-        return cls(plan, plan.min(axis=1), plan.max(axis=1))
-
-    def within(self, low: Floats, high: Floats, near: float) -> _Triangles:
-        """Return those that reach into a rectangle along the axes by more than `near`."""
-        low, high = low + near, high - near
-        (west, south), (east, north) = self.low.T, self.high.T
-        own = (east > low[0]) & (west < high[0]) & (north > low[1]) & (south < high[1])
-        found = np.flatnonzero(own)
-        # a side of a triangle may be between it and the rectangle
-        middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        away = self.plan[found] - middle
-        sides = away[:, [1, 2, 0]] - away
-        normals = np.stack([-sides[..., 1], sides[..., 0]], axis=-1)
-        along = normals @ away.transpose(0, 2, 1)
-        reach = np.abs(normals) @ half
-        out = (along.min(axis=2) > reach) | (along.max(axis=2) < -reach)
-        found = found[~out.any(axis=1)]
-        return _Triangles(self.plan[found], self.low[found], self.high[found])
-
-
-def _cut(
-    whole: tuple[Floats, Floats],
-    air: _Triangles,
-    level: _Triangles,
-    lines: tuple[_Lines, _Lines],
-    least: float,
-) -> Iterator[tuple[Floats, Floats, Floats]]:
-    """Yield rectangles without air in them, cut from one along the outlines of the air.
-
-    Args:
-        whole: lower and upper ends of the rectangle to be cut.
-        air: triangles of air.
-        level: triangles that the rectangles are to hold.
-        lines: lines along y and along x on which cuts may be made.
-        least: least side length of a rectangle.
-
-    Yields:
-        Lower and upper ends of a rectangle, and the level triangles that reach into it.
-    """
-    near = NEAR * least
-    stack = [(*whole, air, level)]
-    while stack:
-        low, high, air, level = stack.pop()
-        if (high - low).min() < least:
-            continue
-        level = level.within(low, high, near)
-        if not len(level.plan):
-            continue
-        air = air.within(low, high, near)
-        if not len(air.plan):
-            yield low, high, level.plan
-            continue
-        best: tuple[float, int, float] | None = None
-        for across, some in enumerate(lines):
-            found = _longest_line(some, low, high, across, near)
-            if found is not None and (best is None or found[0] > best[0]):
-                best = found[0], across, found[1]
-        if best is not None:
-            _, across, at = best
-            lower, upper = high.copy(), low.copy()
-            lower[across] = upper[across] = at
-            stack += [(low, lower, air, level), (upper, high, air, level)]
-
-
-def _longest_line(
-    lines: _Lines, low: Floats, high: Floats, across: int, near: float
-) -> tuple[float, float] | None:
-    """Return the share of a rectangle's side that a line within it has outlines on, and its place.
-
-    None where there is no line.
-    """
-    along = 1 - across
-    begin = np.maximum(lines.ends[:, 0], low[along])
-    lengths = np.minimum(lines.ends[:, 1], high[along]) - begin
-    own = (lengths > near) & (lines.at > low[across] + near) & (lines.at < high[across] - near)
-    if not own.any():
-        return None
-    at, lengths = lines.at[own], lengths[own]
-    order = np.argsort(at, kind="stable")
-    at, lengths = at[order], lengths[order]
-    begins = np.flatnonzero(np.diff(at, prepend=-np.inf) > near)
-    sums = np.add.reduceat(lengths, begins)
-    best = int(np.argmax(sums))
-    end = begins[best + 1] if best + 1 < len(begins) else len(at)
-    place = begins[best] + int(np.argmax(lengths[begins[best] : end]))
-    return float(sums[best] / (high[along] - low[along])), float(at[place])

@@ -11,8 +11,8 @@ import shapely
 
 import terratool
 from terratool.mesh.types import Mesh
+from terratool.simulators.level_solids import LevelSolid
 from terratool.simulators.options import SceneOptions
-from terratool.simulators.primitives import Primitive
 from terratool.simulators.scene import Scene
 from terratool.simulators.uncovered import uncovered
 from tests.conftest import terrain_of
@@ -49,12 +49,8 @@ def scene_of(definition: dict[str, Any]) -> Scene:
     return Scene(terrain_of(definition), "yard", SceneOptions(max_error=ERROR))
 
 
-def tops(scene: Scene) -> list[float]:
-    return sorted(round(one.top, 6) for one in scene.primitives)
-
-
-def only(scene: Scene, surface: str) -> Primitive:
-    [one] = [s for s in scene.primitives if scene.material(s.surface).name == surface]
+def only(scene: Scene, surface: str) -> LevelSolid:
+    [one] = [s for s in scene.level_solids if scene.material(s.surface).name == surface]
     return one
 
 
@@ -79,7 +75,7 @@ def test_a_round_column_is_a_cylinder() -> None:
     assert one.middle == pytest.approx((6.5, 3.5), abs=1e-6)
     assert one.half == pytest.approx((0.7, 0.7), abs=1e-5)
     assert one.top == pytest.approx(0.7)
-    assert not len(uncovered(scene.mesh, scene.primitives, ERROR).faces)
+    assert not len(uncovered(scene.mesh, scene.level_solids, ERROR).faces)
 
 
 @pytest.mark.parametrize(
@@ -89,14 +85,14 @@ def test_a_round_column_is_a_cylinder() -> None:
 def test_what_is_no_circle_is_no_cylinder(extent: list[float], found: int) -> None:
     """An ellipse."""
     scene = scene_of(yard({**COLUMN, "extent": extent}))
-    assert sum(one.is_round for one in scene.primitives) == found
+    assert sum(one.is_round for one in scene.level_solids) == found
 
 
 def test_an_octagon_is_no_cylinder() -> None:
     """Two squares, one turned by 45 degrees, on a pedestal: level, and not round."""
     square = thing("block", [3, 2], [1, 1], vScale=0.5)
     scene = scene_of(yard(square, {**square, "turnDeg": 45, "vScale": 0.5}))
-    assert not any(one.is_round for one in scene.primitives)
+    assert not any(one.is_round for one in scene.level_solids)
 
 
 @pytest.mark.parametrize(
@@ -114,47 +110,47 @@ def test_an_octagon_is_no_cylinder() -> None:
 )
 def test_floors_are_cut_around_what_is_lower(more: list[dict[str, Any]], count: int) -> None:
     scene = scene_of(yard(*more))
-    assert len(scene.primitives) == count
+    assert len(scene.level_solids) == count
 
 
 def test_a_slope_has_none() -> None:
-    assert scene_of(yard(type="rise", vScale=1)).primitives == []
+    assert scene_of(yard(type="rise", vScale=1)).level_solids == []
 
 
 def test_there_are_no_more_than_simulators_take(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("terratool.simulators.primitives._MOST", 2)
+    monkeypatch.setattr("terratool.simulators.level_solids._MOST", 2)
     scene = scene_of(EVERYTHING)
-    areas = [math.prod(one.half) for one in scene.primitives]
+    areas = [math.prod(one.half) for one in scene.level_solids]
     assert len(areas) == 2
-    check_covers(scene, scene.primitives, 2000)
+    check_covers(scene, scene.level_solids, 2000)
 
 
-def check_covers(scene: Scene, primitives: list[Primitive], count: int) -> int:
-    """Each place is the top of a primitive or on a face that is left, and never both.
+def check_covers(scene: Scene, solids: list[LevelSolid], count: int) -> int:
+    """Each place is the top of a solid or on a face that is left, and never both.
 
-    No primitive stands out of the ground; those that are tops have the surface of the ground.
-    Returns the number of places that are tops of primitives.
+    No solid stands out of the ground; those that are tops have the surface of the ground.
+    Returns the number of places that are tops of solids.
     """
-    left = uncovered(scene.mesh, primitives, ERROR)
+    left = uncovered(scene.mesh, solids, ERROR)
     faces = left.vertices[left.faces[~left.walls]]
     tree = shapely.STRtree(shapely.polygons(faces[:, :, :2]))
     rng = np.random.default_rng(5)
     west, south, east, north = scene.terrain.bounds
     points = rng.uniform((0, 0), (east - west, north - south), (count, 2))
     around = points[:, None] + 0.004 * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
-    heights = scene.terrain.height(*np.moveaxis(around + (west, south), 2, 0))
-    worn = scene.terrain.surface(*(points + (west, south)).T)
+    heights = scene.terrain.height(*np.moveaxis(around + scene.terrain.bounds[:2], 2, 0))
+    worn = scene.terrain.surface(*(points + scene.terrain.bounds[:2]).T)
     clear = np.isnan(heights).all(axis=1) | (np.ptp(heights, axis=1) < 0.02)
     on_tops = 0
     for point, z, surface in zip(points[clear], heights[clear, 0], worn[clear], strict=True):
-        holding = [one for one in primitives if one.holds(point, -0.003)]
+        holding = [one for one in solids if one.holds(point, -0.003)]
         if np.isnan(z):
-            assert not holding, f"a primitive is over the void at {point}"
+            assert not holding, f"a solid is over the void at {point}"
             continue
         assert all(one.top < z + 2 * ERROR for one in holding), f"one is too high at {point}"
         top = [one for one in holding if abs(one.top - z) < 1e-6]
         assert all(scene.material(one.surface).name == (surface or "none") for one in top)
-        near = any(one.holds(point, 0.003) for one in primitives if one not in holding)
+        near = any(one.holds(point, 0.003) for one in solids if one not in holding)
         found = tree.query(shapely.Point(point), predicate="intersects")
         meshed = sum(abs(height_in(faces[k], point) - z) < 2 * ERROR for k in found)
         assert near or (len(top) > 0) != (meshed > 0), f"{len(top)} and {meshed} at {point}"
@@ -171,13 +167,13 @@ def height_in(triangle: np.ndarray, point: np.ndarray) -> float:
 
 def test_primitives_and_faces_cover_all_once() -> None:
     scene = scene_of(EVERYTHING)
-    assert check_covers(scene, scene.primitives, 800) > 500
+    assert check_covers(scene, scene.level_solids, 800) > 500
 
 
-def spoilt(scene: Scene, how: str) -> list[Primitive]:
+def spoilt(scene: Scene, how: str) -> list[LevelSolid]:
     width, height = 9, 5
     found = []
-    for one in scene.primitives:
+    for one in scene.level_solids:
         x, y = one.middle
         if how == "mirrored":
             one = one._replace(middle=(width - x, y), turn=-one.turn)
@@ -204,25 +200,25 @@ def test_random_terrains_are_covered_once(seed: int) -> None:
     """Turned, nested, void and round elements, several in one place."""
     kinds = {**{k: STRAIGHT[k] for k in ("floor", "block", "stairs", "ramp")}, **ROUND}
     scene = scene_of(random_definition(seed, 25, kinds))
-    check_covers(scene, scene.primitives, 600)
+    check_covers(scene, scene.level_solids, 600)
 
 
 def test_walls_go_with_their_boxes() -> None:
     """Those of the site's box are slopes on top, so they stay; a crate's and a column's go."""
     assert not uncovered(*of(scene_of(yard(CRATE, COLUMN, PIT, HOLE))), ERROR).walls.any()
     scene = scene_of({**SITE, "surfTypes": SURFACES})
-    assert scene.primitives == []
+    assert scene.level_solids == []
     left = uncovered(*of(scene_of(yard(CRATE, RAMP))), ERROR)
     walls = left.vertices[left.faces[left.walls]]
     assert len(walls) and walls[:, :, 0].min() > 3.4  # of the ramp alone
 
 
-def of(scene: Scene) -> tuple[Mesh, list[Primitive]]:
-    return scene.mesh, scene.primitives
+def of(scene: Scene) -> tuple[Mesh, list[LevelSolid]]:
+    return scene.mesh, scene.level_solids
 
 
 @pytest.mark.slow
 def test_samples_are_covered_once() -> None:
     for name in ("warehouse", "stairs-and-kerbs"):
         scene = Scene(terratool.load(f"samples/{name}.json"), name, SceneOptions())
-        assert check_covers(scene, scene.primitives, 800) > 300
+        assert check_covers(scene, scene.level_solids, 800) > 300
