@@ -410,12 +410,42 @@ def check_slopes(load: Callable[[Terrain], Simulator], margin: float = 2.0) -> d
             way = simulator.slide([3.5, 2 * row + 0.9, 3.5 * slope], slope, 1.0)
             ways.setdefault(name, []).append(way)
     for name, angle in FRICTION_ANGLES.items():
-        steep = math.radians(angle + margin)
-        pull = 9.81 * (math.sin(steep) - math.tan(math.radians(angle)) * math.cos(steep))
+        gained = pull(angle, margin)
         held, slid = ways[name]
         assert held < 0.01, f"on {name} it slides {held} m"
-        assert 0.6 * 0.5 * pull < slid < 1.4 * 0.5 * pull, f"on {name} it slides {slid} m only"
+        assert 0.6 * 0.5 * gained < slid < 1.4 * 0.5 * gained, f"on {name} it slides {slid} m only"
     return ways
+
+
+LEVEL: dict[str, Any] = {
+    "size": [9, 5],
+    "surfTypes": {name: {"fricAngle": angle} for name, angle in FRICTION_ANGLES.items()},
+    "elemTypes": {"block": {"x": [1]}, "column": {"x": [1], "combine": "radial"}},
+    "elemTree": {
+        "type": "block", "surface": "ice", "vScale": 0.2,
+        "children": [
+            {"type": "column", "at": [6.5, 3.2], "extent": 3, "vScale": 0.3, "surface": "steel"},
+            {"type": "block", "at": [2, 3.4], "extent": [3, 2], "vScale": 0.1, "turnDeg": 10,
+             "surface": "gravel"},
+        ],
+    },
+}  # fmt: skip
+"""A floor, a turned block and a disc, all level."""
+SPOTS = {"ice": (4.2, 1.2, 0.2), "gravel": (2.1, 3.4, 0.3), "steel": (6.4, 3.2, 0.5)}
+"""Places on surfaces of `LEVEL`, with room around."""
+
+
+def tilted(degrees: float) -> list[float]:
+    """Gravity that pulls to the east, as if a world sloped so much."""
+    return [
+        9.81 * math.sin(math.radians(degrees)), 0.0, -9.81 * math.cos(math.radians(degrees))
+    ]  # fmt: skip
+
+
+def pull(angle: float, more: float) -> float:
+    """Acceleration of a box on a slope that is steeper by `more` than its friction angle."""
+    steep = math.radians(angle + more)
+    return 9.81 * (math.sin(steep) - math.tan(math.radians(angle)) * math.cos(steep))
 
 
 def change_shapes(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import shutil
 import xml.etree.ElementTree as ET
@@ -9,6 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import terratool
@@ -76,6 +78,31 @@ def test_boxes_slide_as_friction_says(load: Load, tmp_path: Path) -> None:
         return load(written(terrain, place, "pybullet")[0])
 
     checks.check_slopes(simulator)
+
+
+def test_level_ground_is_boxes_and_cylinders(load: Load, tmp_path: Path) -> None:
+    """Exact from above and from aside, without a mesh; boxes rest and slide on them as they should."""
+    folder, ground, manifest = written(terrain_of(checks.LEVEL), tmp_path / "out", "pybullet")
+    assert (manifest["boxes"], manifest["cylinders"], manifest["meshed"]) == (2, 1, 0)
+    bullet = load(folder)
+    checks.check_rays(bullet, ground, 1e-4)
+    checks.check_rest(bullet, ground, count=12)
+    disc = ET.parse(folder / "terrain.urdf").find("link/collision/geometry/cylinder")
+    assert disc is not None and float(disc.get("radius", "")) == pytest.approx(1.5, abs=1e-5)
+    for angle in (0.0, 0.1, 2.0):
+        way = np.array([math.cos(angle), math.sin(angle), 0.0])
+        middle = np.array([6.5, 3.2, 0.4])
+        hit = bullet.ray((middle + 1.7 * way).tolist(), (middle + way).tolist())
+        assert hit is not None and math.dist(hit, middle) == pytest.approx(1.5, abs=5e-4)
+    import pybullet
+
+    for surface, place in checks.SPOTS.items():
+        ways = []
+        for more in (-2, 2):
+            pybullet.setGravity(*checks.tilted(checks.FRICTION_ANGLES[surface] + more))
+            ways.append(bullet.slide([*place], 0.0, 0.5))
+        gained = checks.pull(checks.FRICTION_ANGLES[surface], 2)
+        assert ways[0] < 0.005 and ways[1] == pytest.approx(0.125 * gained, rel=0.3), surface
 
 
 def mirrored(folder: Path, ground: Ground) -> None:
