@@ -122,6 +122,7 @@ def hulled(folder: Path) -> None:
     path.write_text(path.read_text("utf-8").replace(' concave="yes"', ""), "utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spoil", [mirrored, transposed])
 def test_checks_refuse_wrong_files(
     spoil: Callable[[Path, Ground], None], load: Load, tmp_path: Path
@@ -138,6 +139,7 @@ def test_checks_refuse_wrong_files(
             measured(bullet, ground, ERROR)
 
 
+@pytest.mark.slow
 def test_checks_refuse_hulls(load: Load, tmp_path: Path) -> None:
     """Of the meshes that collide, where ground is curved."""
     folder, ground, _ = written(sample("stairs-and-kerbs"), tmp_path / "out", "pybullet")
