@@ -81,7 +81,7 @@ def test_boxes_slide_as_friction_says(load: Load, tmp_path: Path) -> None:
 
 
 def test_level_ground_is_boxes_and_cylinders(load: Load, tmp_path: Path) -> None:
-    """Exact from above and from aside, without a mesh; boxes rest and slide on them as they should."""
+    """Exact from above and from aside, without a mesh; boxes slide on it as they should."""
     folder, ground, manifest = written(terrain_of(checks.LEVEL), tmp_path / "out", "pybullet")
     assert (manifest["boxes"], manifest["cylinders"], manifest["meshed"]) == (2, 1, 0)
     bullet = load(folder)

@@ -102,13 +102,31 @@ def test_dart_has_the_friction_of_boxes_and_cylinders(drop: Drop, tmp_path: Path
         angle = checks.FRICTION_ANGLES[surface]
         ways = []
         for degrees in (angle - 2, angle + 2):
-            folder, _, manifest = written(terrain_of(checks.LEVEL), tmp_path / f"{degrees}", "gazebo")
+            place = tmp_path / f"{degrees}"
+            folder, _, manifest = written(terrain_of(checks.LEVEL), place, "gazebo")
             assert (manifest["boxes"], manifest["cylinders"], manifest["meshed"]) == (2, 1, 0)
             tilt(folder, degrees)
             ways += drop(folder, [f"slide {x} {y} {z} 0"])
         assert ways[0] < 0.005, surface
         assert ways[1] == pytest.approx(0.5 * checks.pull(angle, 2) * 0.5**2, rel=0.3), surface
     assert not any("DART" in line for line in manifest["losses"])
+
+
+def test_collisions_are_named_by_their_elements(tmp_path: Path) -> None:
+    """Each shape of the link, boxes and cylinders with their place; and Gazebo takes the names."""
+    folder, _, _ = written(terrain_of(checks.LEVEL), tmp_path / "out", "gazebo")
+    check_sdf(folder / "world.sdf")
+    model = ET.parse(folder / "model.sdf").getroot()
+    found = {str(one.get("name")): one for one in model.iter("collision")}
+    names = ["terrain/ice/block/0", "terrain/steel/column/0", "terrain/gravel/block/0"]
+    assert list(found) == names
+    disc, crate = found[names[1]], found[names[2]]
+    assert disc.findtext("geometry/cylinder/length") == "1.3"  # down to a metre below the floor
+    assert disc.findtext("pose") == "6.5 3.2 -0.15 0 0 0"
+    assert checks.pose_of(crate)[5] == pytest.approx(math.radians(-10), abs=1e-6)
+    assert {visual.get("name") for visual in model.iter("visual")} == {
+        f"terrain/{surface}/visual" for surface in checks.FRICTION_ANGLES
+    }
 
 
 @pytest.mark.nightly
