@@ -35,10 +35,9 @@ from terratool.raster.grid import Grid
 from terratool.report.numbers import metres
 from terratool.report.wording import count_of
 from terratool.simulators.cells import cell_grid
-from terratool.simulators.collision.build import level_boxes
 from terratool.simulators.collision.grid_patch import error_of_pixels, grid_patch, is_one_grid
 from terratool.simulators.collision.height_patch import HeightPatch
-from terratool.simulators.collision.solids import PlanRectangle
+from terratool.simulators.level_solids import LevelSolid, level_solids_of
 from terratool.simulators.options import SceneOptions
 from terratool.tasks import processors
 from terratool.traversability.judge import CellVerdict, Judge
@@ -137,10 +136,11 @@ class Scene:
         return parts._replace(ground=collapse_degenerate(parts.ground))
 
     @cached_property
-    def boxes(self) -> list[tuple[int, PlanRectangle]]:
-        """Exact boxes of level decks, in the coordinates of the mesh, and their surfaces."""
+    def level_solids(self) -> list[LevelSolid]:
+        """Boxes and cylinders of level ground and level decks, in the coordinates of the mesh."""
         parts = self.parts_within(self.options.max_error)
-        return [] if parts is None else level_boxes(parts, self.options.max_error)
+        ground = (self.built_mesh if parts is None else parts.ground).mesh
+        return level_solids_of(ground, parts, self.options.max_error)
 
     def _refuse_faces(self, error: float) -> None:
         """Refuse a mesh of far more faces than simulators take, before it is made.
