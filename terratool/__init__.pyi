@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, overload
 
+import mujoco
 import trimesh
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
@@ -195,6 +196,17 @@ class Terrain(ShownTerrain):
         dask: str | None = None,
     ) -> tuple[SimulatorReport, ...]:
         """Write the terrain for simulators, as `terratool export-sim` does."""
+
+    def to_mjspec(
+        self,
+        *,
+        origin: Origin = "world",
+        max_error: float = 0.002,
+        friction: float = 0.7,
+        max_geoms: int = 2000,
+        flex: bool = False,
+    ) -> mujoco.MjSpec:
+        """Return what `export_sim` writes for MuJoCo as a `mujoco.MjSpec`, without any file."""
 
     @overload
     def render(

@@ -433,7 +433,7 @@ def test_both_variants_give_the_same_bits() -> None:
     if not kernels.is_v3():
         pytest.skip("this processor has no x86-64-v3")
     if not all(find_spec(f"terratool.kernels.{variant}") for variant in ("baseline", "v3")):
-        pytest.skip("one variant was built; make baseline and .ci/run build both")
+        pytest.skip("one variant was built; make baseline builds both")
     said = []
     for variant, blas in (("baseline", "Prescott"), ("v3", "Haswell")):
         environment = {**os.environ, "TERRATOOL_CPU": variant, "OPENBLAS_CORETYPE": blas}

@@ -32,6 +32,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import SHARE_ABOVE
 from terratool.field.types import real_numbers
 from terratool.mesh.export import MeshOptions
+from terratool.mesh.origin import Origin
 from terratool.mesh.request import AnyMeshReport, MeshRequest, write_mesh_files
 from terratool.output import is_same_file
 from terratool.raster.dem import (
@@ -50,7 +51,7 @@ from terratool.sensing.poses import Poses, one_pose, read_poses
 from terratool.sensing.readings import Frame
 from terratool.sensing.scan import Scan, ScanOptions
 from terratool.sensing.sensor import Sensor, load_sensor
-from terratool.simulators.export import SimulatorReport, plan_export
+from terratool.simulators.export import SimulatorReport, plan_export, scene_of
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.options import refuse_idle as refuse_idle_targets
 from terratool.simulators.targets import choose_targets
@@ -85,6 +86,7 @@ from terratool.viewing.terrain_page import (
 )
 
 if TYPE_CHECKING:
+    import mujoco
     import trimesh
     from matplotlib.figure import Figure
 
@@ -260,6 +262,26 @@ class UserTerrain(ShownTerrain):
         refuse_idle_targets(options.keys(), list(choose_targets(targets)))
         plan = plan_export(folder, targets, wanted, source=source, overwrite=overwrite)
         return plan.write(self)
+
+    @takes(SceneOptions, only=("max_error", "friction", "max_geoms", "flex"))
+    def to_mjspec(self, *, origin: Origin = "world", **options: Any) -> mujoco.MjSpec:
+        """Return what `export_sim` writes for MuJoCo as a `mujoco.MjSpec`, without any file.
+
+        A robot's spec attaches it: `robot.attach(spec, prefix="ground/",
+        frame=robot.worldbody.add_frame())`. Geoms are called as those of the files.
+
+        Args:
+            origin: zero of the spec: that of the world, the south-west corner, the middle, or a
+                point of the world.
+            **options: options of `SceneOptions`, by name.
+
+        Raises:
+            RequestError: MuJoCo is not installed, an option makes no sense, or there is no ground.
+        """
+        from terratool.simulators.mujoco import mjspec
+
+        wanted = replace(fill(SceneOptions, options), origin=origin)
+        return mjspec(scene_of(self, self.name, wanted))
 
     # --- pictures and pages -----------------------------------------------------------------------
 

@@ -322,6 +322,11 @@ class Storeys:
             number = int(self.written.parent[number])
         return "".join(reversed(steps))
 
+    def type_of(self, number: int) -> str:
+        """Name of the primitive of an element of storeys by its number, from `FIRST_STOREY` on."""
+        written = self.written
+        return str(written.names.values[written.rows.type[number - FIRST_STOREY]])
+
     def columns(self, terrain: Terrain, x: Floats, y: Floats, ground: ColumnGround) -> ColumnRows:
         """Columns at points on a terrain.
 

@@ -789,6 +789,16 @@ class Terrain:
             element = int(self._compiled.parents[element])
         return "".join(reversed(steps))
 
+    def type_of(self, element: int) -> str:
+        """Name of the primitive of an element of the ground or of storeys, by its index.
+
+        Parts and copies are written out.
+        """
+        if self.storeys is not None and element >= FIRST_STOREY:
+            return self.storeys.type_of(element)
+        index: int = self._compiled.primitives[self.arrays.elements["kind"][element]]
+        return self.primitives[index]
+
     @cached_property
     def _surface_names(self) -> NDArray[Any]:
         return np.array([*self.surfaces, None], object)

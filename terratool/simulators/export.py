@@ -76,11 +76,9 @@ class ExportPlan:
         self, terrain: Terrain, progress: Callable[[str], object] = lambda _: None
     ) -> tuple[SimulatorReport, ...]:
         """Write the files of a terrain; arguments and errors are those of `export_simulators`."""
-        terrain.refuse_degrees("A simulator")
         source = self.source
-        stem = "terrain" if source is None else source.stem
-        [name] = plain_names([stem], _fits_name, "terrain")
-        scene = Scene(terrain.written_out, name, self.options, progress, self.judge)
+        scene = scene_of(terrain, "" if source is None else source.name, self.options)
+        scene = replace(scene, say=progress, judge=self.judge)
         for target in self.targets.values():
             target.check(scene)
         reports = []
@@ -155,6 +153,23 @@ def export_simulators(
     """
     plan = plan_export(folder, targets, options, source=source, overwrite=overwrite)
     return plan.write(terrain, progress or (lambda _: None))
+
+
+def scene_of(terrain: Terrain, file: str, options: SceneOptions) -> Scene:
+    """Return the scene of a terrain, which is called as the file of its definition.
+
+    Args:
+        terrain: the terrain.
+        file: name of the file; empty for none.
+        options: options of the scene.
+
+    Raises:
+        RequestError: x and y of the terrain are degrees, or an option makes no sense.
+    """
+    terrain.refuse_degrees("A simulator")
+    options.check()
+    [name] = plain_names([Path(file).stem or "terrain"], _fits_name, "terrain")
+    return Scene(terrain.written_out, name, options)
 
 
 @contextlib.contextmanager

@@ -37,8 +37,13 @@ def rgba(color: tuple[int, int, int]) -> str:
     return numbers([*(round(shade / 255, 4) for shade in color), 1.0])
 
 
-def write_xml(root: ET.Element, path: Path) -> None:
-    """Write an element and its content as an XML file, indented."""
+def xml_text(root: ET.Element) -> str:
+    """Return an element and its content as the text of an XML file, indented."""
     ET.indent(root)
     text = ET.tostring(root, "unicode", short_empty_elements=True)
-    path.write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n', "utf-8")
+    return f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n'
+
+
+def write_xml(root: ET.Element, path: Path) -> None:
+    """Write an element and its content as an XML file, indented."""
+    path.write_text(xml_text(root), "utf-8")

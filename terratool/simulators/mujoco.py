@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import hashlib
+import itertools
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from terratool.errors import RequestError
+from terratool.extras import install_command
 from terratool.mesh.export import no_ground
 from terratool.mesh.formats.common import points_of, shape_of
 from terratool.report.numbers import metres
@@ -19,13 +24,17 @@ from terratool.report.wording import count_of
 from terratool.simulators.collision.build import Collision, collision_of
 from terratool.simulators.collision.height_patch import SINK, HeightPatch
 from terratool.simulators.collision.solids import Solid, plan_rectangle
-from terratool.simulators.markup import child, comment, numbers, rgba, write_xml
+from terratool.simulators.markup import child, comment, numbers, rgba, write_xml, xml_text
+from terratool.simulators.naming import ContactNames
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.pieces import file_names
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import WrittenFiles
 
-_FILE = "terrain.xml"
+if TYPE_CHECKING:
+    import mujoco
+
+_FILE, _INCLUDED = "terrain.xml", "include.xml"
 _BELOW = 1.0
 """Least depth of the base of solids below the lowest ground, units of the terrain."""
 _PART = 0.1
@@ -43,15 +52,45 @@ _SEAM = 10.0
 _ROLLING = "0.005 0.0001"
 """Torsional and rolling friction: MuJoCo's defaults."""
 
+_ASKED = 64
+"""Most cells of a height field whose elements are asked for its name."""
+
+_NEUTRAL: dict[str, dict[str, object]] = {
+    "mesh": {"scale": "1 1 1", "inertia": "legacy", "maxhullvert": -1},
+    "material": {
+        "texture": "", "texrepeat": "1 1", "texuniform": "false", "emission": 0, "specular": 0,
+        "shininess": 0, "reflectance": 0, "metallic": -1, "roughness": -1,
+    },
+    "geom": {
+        # axes stand above the euler of another default, whatever unit its angles have
+        "pos": "0 0 0", "xyaxes": "1 0 0 0 1 0", "size": "0 0 0",
+        "contype": 1, "conaffinity": 1, "condim": 3, "priority": 1, "solmix": 1,
+        "solref": "0.02 1", "solimp": "0.9 0.95 0.001 0.5 2", "margin": 0, "gap": 0,
+        "mass": 0, "density": 0, "shellinertia": "false", "fluidshape": "none",
+        "fluidcoef": "0.5 0.25 1.5 1 1", "hfield": "", "mesh": "", "material": "", "fitscale": 1,
+        "group": 3,
+    },
+}  # fmt: skip
+"""Attributes that the defaults of another model could set, by tag: most are MuJoCo's own defaults.
+What later versions than 3.2 know is not there, as older ones refuse it."""
+
 _ATTACHED = (
-    "Into a model of yours: put its file into this folder and write"
-    f' `<include file="{_FILE}"/>` into it, or attach it from anywhere, as mjlab and'
-    " dm_control do:",
+    "Into a model of yours, from anywhere; a prefix keeps names apart:",
     "```python\n"
     'scene = mujoco.MjSpec.from_file("robot.xml")\n'
-    f'scene.attach(mujoco.MjSpec.from_file("{_FILE}"), frame=scene.worldbody.add_frame())\n'
+    f'terrain = mujoco.MjSpec.from_file("{_FILE}")\n'
+    'scene.attach(terrain, prefix="ground/", frame=scene.worldbody.add_frame())\n'
     "model = scene.compile()\n"
     "```",
+    f'Or write `<include file="{_INCLUDED}"/>` into a model, with the path of this folder before'
+    f" it. That attaches `{_FILE}`, so the model's own defaults and folders do not reach it (MuJoCo"
+    f" 3.3.5 and newer). With an older one include `{_FILE}` itself, from a model in this folder"
+    " without a `meshdir`.",
+)
+_NAMES = (
+    "A geom is called TERRAIN/SURFACE/ELEMENT/NUMBER, such as `{}`, so that contacts can be told"
+    " apart; the element is the part or the primitive that stands in the terrain's tree. Its class"
+    " is TERRAIN/SURFACE. All geoms are of the world's body: they have no mass."
 )
 _PRIORITY = (
     " `priority` 1: the friction of the ground counts, whatever a robot says, and so do its"
@@ -76,21 +115,15 @@ _FLEXES = (
 
 def write(scene: Scene, folder: Path) -> WrittenFiles:
     """Write an MJCF, meshes to be seen, and height fields to collide with, into a folder."""
-    root = ET.Element("mujoco", model=scene.name)
-    if scene.terrain.descr:
-        comment(root, scene.terrain.descr)
-    asset = child(root, "asset")
-    body = child(child(root, "worldbody"), "body", name="terrain", pos=numbers(scene.offset))
-    geoms = _CollisionGeoms(scene, folder, asset, body)
-    if scene.options.flex:
-        _add_visuals(scene, folder, asset, body)
-        told = _add_flexes(scene, body)
-    elif scene.grid_patch is not None:
-        told = geoms.add_grid(scene.grid_patch)
-    else:
-        _add_visuals(scene, folder, asset, body)
-        told = geoms.add()
+
+    def save(name: str, chunks: Iterable[bytes]) -> str:
+        with open(folder / name, "wb") as file:
+            file.writelines(chunks)
+        return name
+
+    root, told = _model(scene, save)
     write_xml(root, folder / _FILE)
+    write_xml(_attaching(scene.name), folder / _INCLUDED)
     return WrittenFiles(
         summary=told.summary,
         language="python",
@@ -99,12 +132,112 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
             f'model = mujoco.MjModel.from_xml_path("{_FILE}")',
             "data = mujoco.MjData(model)",
         ),
-        notes=(*_ATTACHED, told.note),
+        notes=(*_ATTACHED, told.note, *told.names),
         losses=told.losses,
         facts={"collision": told.facts},
         meshed=told.frictions is None,
         frictions=told.frictions,
     )
+
+
+def mjspec(scene: Scene) -> mujoco.MjSpec:
+    """Return the MJCF and its files as a spec in memory.
+
+    Raises:
+        RequestError: MuJoCo is not installed, or there is no ground.
+    """
+    if find_spec("mujoco") is None:
+        raise RequestError("MuJoCo is not installed.", f"Run {install_command('mujoco')}")
+    from mujoco import MjSpec
+
+    files: dict[str, bytes] = {}
+
+    def save(name: str, chunks: Iterable[bytes]) -> str:
+        content = b"".join(chunks)
+        # specs that are attached to one another have one store of files
+        name = f"{hashlib.sha256(content).hexdigest()}{Path(name).suffix}"
+        files[name] = content
+        return name
+
+    root, _ = _model(scene, save)
+    return MjSpec.from_string(xml_text(root), assets=files)
+
+
+_Save = Callable[[str, Iterable[bytes]], str]
+"""Function that keeps a file, given piece by piece, and returns the name that it has then."""
+
+
+def _model(scene: Scene, save: _Save) -> tuple[ET.Element, _Told]:
+    """Return the MJCF of a scene, and an account of it; save the files that it names."""
+    root = ET.Element("mujoco", model=scene.name)
+    if scene.terrain.descr:
+        comment(root, scene.terrain.descr)
+    asset = ET.Element("asset")
+    world = ET.Element("worldbody")
+    model = _Mjcf(scene, save, asset, world, set())
+    if scene.options.flex:
+        _add_visuals(model)
+        told = _add_flexes(model)
+    elif scene.grid_patch is not None:
+        told = _CollisionGeoms(model).add_grid(scene.grid_patch)
+    else:
+        _add_visuals(model)
+        told = _CollisionGeoms(model).add()
+    root.extend([_defaults(scene, model.worn), asset, world])
+    return root, told
+
+
+class _Mjcf(NamedTuple):
+    """A model that is being written.
+
+    Attributes:
+        scene: the terrain.
+        save: function that keeps a file.
+        asset: element of meshes, height fields and materials.
+        world: element of the world's body: what is of it weighs nothing, and statistics of the
+            model leave it out.
+        worn: indices of the surfaces that have a class.
+    """
+
+    scene: Scene
+    save: _Save
+    asset: ET.Element
+    world: ET.Element
+    worn: set[int]
+
+    def class_of(self, surface: int) -> dict[str, str]:
+        """Return the attribute that names the class of a surface, by its index."""
+        self.worn.add(surface)
+        return {"class": f"{self.scene.name}/{self.scene.material(surface).word}"}
+
+    @property
+    def own_class(self) -> dict[str, str]:
+        """Attribute that names the class of the whole terrain."""
+        return {"class": self.scene.name}
+
+    def place(self, at: Iterable[float]) -> str:
+        """Return a place in the coordinates of the mesh as one of the world."""
+        return numbers(np.add(self.scene.offset, list(at)).tolist())
+
+
+def _defaults(scene: Scene, worn: Iterable[int]) -> ET.Element:
+    """Return the classes of the terrain: one that leaves nothing to others, and one a surface."""
+    default = ET.Element("default")
+    whole = child(default, "default", **{"class": scene.name})
+    for tag, attributes in _NEUTRAL.items():
+        child(whole, tag, **attributes)
+    for one in map(scene.material, sorted(worn)):
+        own = child(whole, "default", **{"class": f"{scene.name}/{one.word}"})
+        child(own, "geom", rgba=_hidden(one), friction=_friction(one))
+    return default
+
+
+def _attaching(name: str) -> ET.Element:
+    """Return a model that attaches that of a terrain, by its name."""
+    root = ET.Element("mujoco", model=name)
+    child(child(root, "asset"), "model", name=name, file=_FILE)
+    child(child(root, "worldbody"), "attach", model=name, prefix=f"{name}/")
+    return root
 
 
 class _Told(NamedTuple):
@@ -115,6 +248,7 @@ class _Told(NamedTuple):
         note: paragraph on what is seen and what collides.
         losses: sentences on its distance from the terrain.
         facts: figures for programs.
+        names: paragraph on the names of geoms; none where these are of no elements.
         frictions: materials of what collides; None where a mesh is seen, whose materials count.
     """
 
@@ -122,54 +256,59 @@ class _Told(NamedTuple):
     note: str
     losses: tuple[str, ...]
     facts: dict[str, object]
+    names: tuple[str, ...] = ()
     frictions: tuple[Material, ...] | None = None
 
 
-def _add_visuals(scene: Scene, folder: Path, asset: ET.Element, body: ET.Element) -> None:
+def _add_visuals(model: _Mjcf) -> None:
     """Add a material and a mesh for each surface, to be seen; nothing collides with them."""
+    scene = model.scene
     points = points_of(scene.mesh)
     materials = [scene.material(part.surface) for part in scene.parts]
     files = file_names(materials, "msh")
-    for part, one, file in zip(scene.parts, materials, files, strict=True):
-        name = f"terrain_{one.word}"
-        _write_msh(folder / file, *shape_of(points, part))
-        child(asset, "material", name=name, rgba=rgba(one.color), specular=0, shininess=0)
+    for part, one, own in zip(scene.parts, materials, files, strict=True):
+        name = f"{scene.name}/{one.word}/seen"
+        file = model.save(own, _msh(*shape_of(points, part)))
+        child(model.asset, "material", name=name, rgba=rgba(one.color), **model.own_class)
         # the mesh is open, so only its faces can have a mass
-        child(asset, "mesh", name=name, file=file, inertia="shell")
+        child(model.asset, "mesh", name=name, file=file, inertia="shell", **model.own_class)
         child(
-            body, "geom", name=name, type="mesh", mesh=name, material=name, group=2,
-            contype=0, conaffinity=0,
+            model.world, "geom", name=name, type="mesh", mesh=name, pos=model.place((0, 0, 0)),
+            material=name, rgba=rgba(one.color), **_SEEN, **model.class_of(part.surface),
         )  # fmt: skip
 
 
-def _write_msh(path: Path, vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> None:
-    """Write MuJoCo's binary mesh: counts of vertices, normals, texture points, faces; then these.
+_SEEN = {"group": 2, "contype": 0, "conaffinity": 0}
+"""Attributes of a geom that is seen, and that nothing collides with."""
+
+
+def _msh(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> Iterator[bytes]:
+    """Yield MuJoCo's binary mesh: counts of vertices, normals, texture points, faces; then these.
 
     MuJoCo wants four vertices at least, so the first ones are repeated.
     """
     vertices = np.concatenate([vertices, vertices[: max(0, 4 - len(vertices))]])
-    with open(path, "wb") as file:
-        file.write(np.array([len(vertices), 0, 0, len(faces)], "<i4").tobytes())
-        file.write(vertices.astype("<f4").tobytes())
-        file.write(faces.astype("<i4").tobytes())
+    yield np.array([len(vertices), 0, 0, len(faces)], "<i4").tobytes()
+    yield vertices.astype("<f4").tobytes()
+    yield faces.astype("<i4").tobytes()
 
 
-def _contact(one: Material, seen: bool = False) -> dict[str, object]:
-    """Return attributes of a geom that collides, and whose friction counts first."""
-    color = rgba(one.color)
-    return {
-        "rgba": color if seen else f"{color[:-1]}0",
-        "group": 2 if seen else 3,
-        "priority": 1,
-        "friction": f"{one.friction:.6g} {_ROLLING}",
-    }
+def _hidden(one: Material) -> str:
+    """Return the colour of a material as four numbers, with an alpha that rays and cameras pass."""
+    return f"{rgba(one.color)[:-1]}0"
+
+
+def _friction(one: Material) -> str:
+    """Return sliding, torsional and rolling friction of a material."""
+    return f"{one.friction:.6g} {_ROLLING}"
 
 
 class _CollisionGeoms:
     """Geoms that collide: boxes, convex meshes and height fields, as they are added to an MJCF."""
 
-    def __init__(self, scene: Scene, folder: Path, asset: ET.Element, body: ET.Element) -> None:
-        self._scene, self._folder, self._asset, self._body = scene, folder, asset, body
+    def __init__(self, model: _Mjcf) -> None:
+        self._model, self._scene = model, model.scene
+        self._names = ContactNames(model.scene)
         self._counts = {"box": 0, "mesh": 0, "hfield": 0}
 
     def add(self) -> _Told:
@@ -187,8 +326,10 @@ class _CollisionGeoms:
         low, relief = float(levels.min()), float(np.ptp(levels))
         self._base = low - max(_BELOW, _PART * relief)
         self._sunk = low - SINK * max(relief, _BELOW)
-        for solid in found.solids:
-            self._add_solid(solid)
+        worn, roofs = [one.surface for one in found.solids], [one.top for one in found.solids]
+        names = self._names.of_roofs(worn, roofs)
+        for name, solid in zip(names, found.solids, strict=True):
+            self._add_solid(name, solid)
         for patch in found.patches:
             for surface in patch.used_surfaces:
                 self._add_patch(patch, surface)
@@ -200,7 +341,7 @@ class _CollisionGeoms:
         )
         solids = found.height + built.error
         losses = _loss_sentence(found, solids, options, error, sum(counts.values()))
-        return _Told(summary, _LAYERS, (losses,), self._facts(found, solids, seam))
+        return _Told(summary, _LAYERS, (losses,), self._facts(found, solids, seam), self._example)
 
     def add_grid(self, patch: HeightPatch) -> _Told:
         """Add a height field for each surface of a grid, which is seen and collides.
@@ -224,6 +365,7 @@ class _CollisionGeoms:
             _FIELD,
             (f"What collides: {parts}.", *_grid_losses(patch, self._sunk)),
             self._facts(found, 0.0, 0.0),
+            self._example,
             tuple(self._scene.material(surface) for surface in surfaces),
         )
 
@@ -249,24 +391,35 @@ class _CollisionGeoms:
             error = min(error * faces / _FINE, max(error, coarsest))
         return _MESH_SHARE * error, error
 
-    def _next_name(self, kind: str) -> str:
-        """Count a geom of a kind, and return its name."""
-        self._counts[kind] += 1
-        return f"collision_{kind}_{self._counts[kind] - 1}"
+    @property
+    def _example(self) -> tuple[str, ...]:
+        """Paragraph on the names of geoms, with the last one as an example."""
+        geom = next(
+            one
+            for one in reversed(self._model.world)
+            if one.get("group") != "2" or one.get("hfield")
+        )
+        return (_NAMES.format(geom.get("name")),)
 
-    def _add_solid(self, solid: Solid) -> None:
-        contact = _contact(self._scene.material(solid.surface))
+    def _add_geom(self, kind: str, name: str, surface: int, **attributes: object) -> None:
+        """Add a geom of a kind, and count it."""
+        self._counts[kind] += 1
+        child(
+            self._model.world, "geom", name=name, type=kind, **attributes,
+            **self._model.class_of(surface),
+        )  # fmt: skip
+
+    def _add_solid(self, name: str, solid: Solid) -> None:
         box = plan_rectangle(solid)
         if box is not None:
             half = 0.5 * (box.top - (self._base if box.under is None else box.under))
-            turn = (math.cos(0.5 * box.turn), 0.0, 0.0, math.sin(0.5 * box.turn))
-            child(
-                self._body, "geom", name=self._next_name("box"), type="box",
-                size=numbers((*box.half, half)), pos=numbers((*box.middle, box.top - half)),
-                **({"quat": numbers(turn)} if box.turn else {}), **contact,
+            cos, sin = math.cos(box.turn), math.sin(box.turn)
+            turn = {"xyaxes": numbers((cos, sin, 0, -sin, cos, 0))} if box.turn else {}
+            self._add_geom(
+                "box", name, solid.surface, size=numbers((*box.half, half)),
+                pos=self._model.place((*box.middle, box.top - half)), **turn,
             )  # fmt: skip
             return
-        name = self._next_name("mesh")
         below = solid.under
         if below is None:
             ring = np.concatenate([solid.top, solid.top[:1]])[:, :2]
@@ -274,31 +427,44 @@ class _CollisionGeoms:
             below = np.column_stack([ring, np.full(len(ring), self._base)])
         middle = solid.top.mean(axis=0)  # vertices are near zero, as MuJoCo keeps them in float32
         corners = np.concatenate([solid.top, below]) - middle
-        child(self._asset, "mesh", name=name, vertex=numbers(corners.ravel()))
-        child(self._body, "geom", name=name, type="mesh", mesh=name, pos=numbers(middle), **contact)
+        child(
+            self._model.asset, "mesh", name=name, vertex=numbers(corners.ravel()),
+            **self._model.own_class,
+        )  # fmt: skip
+        self._add_geom("mesh", name, solid.surface, mesh=name, pos=self._model.place(middle))
 
     def _add_patch(self, patch: HeightPatch, surface: int, seen: bool = False) -> None:
         used = patch.used & (patch.surfaces == surface)
         rows, columns = np.flatnonzero(used.any(axis=1)), np.flatnonzero(used.any(axis=0))
         patch = patch.crop(rows[0], rows[-1] + 1, columns[0], columns[-1] + 1)
-        used = np.pad(patch.used & (patch.surfaces == surface), 1)
+        own = patch.used & (patch.surfaces == surface)
+        [name] = self._names.at([surface], [_middles(patch, own)])
+        used = np.pad(own, 1)
         nodes = used[:-1, :-1] | used[:-1, 1:] | used[1:, :-1] | used[1:, 1:]
         heights = np.where(nodes, patch.heights, self._sunk)
         west, south, east, north = patch.bounds
         low, high = float(heights.min()), float(heights.max())
-        name = self._next_name("hfield")
-        with open(self._folder / f"{name}.bin", "wb") as file:
-            file.write(np.array(heights.shape, "<i4").tobytes())
-            for row in heights:
-                file.write((row - low).astype("<f4").tobytes())
+        file = f"{self._scene.name}-{self._counts['hfield']}.bin"
+        rows_of_bytes = ((row - low).astype("<f4").tobytes() for row in heights)
+        shape = np.array(heights.shape, "<i4").tobytes()
+        file = self._model.save(file, itertools.chain([shape], rows_of_bytes))
         # MuJoCo stretches heights to 0 … 1
         size = 0.5 * (east - west), 0.5 * (north - south), max(high - low, 1e-6), _BELOW
-        child(self._asset, "hfield", name=name, file=f"{name}.bin", size=numbers(size))
-        child(
-            self._body, "geom", name=name, type="hfield", hfield=name,
-            pos=numbers((0.5 * (west + east), 0.5 * (south + north), low)),
-            **_contact(self._scene.material(surface), seen),
+        child(self._model.asset, "hfield", name=name, file=file, size=numbers(size))
+        look = {"group": 2, "rgba": rgba(self._scene.material(surface).color)} if seen else {}
+        self._add_geom(
+            "hfield", name, surface, hfield=name,
+            pos=self._model.place((0.5 * (west + east), 0.5 * (south + north), low)), **look,
         )  # fmt: skip
+
+
+def _middles(patch: HeightPatch, used: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return x, y, z of the middles of some used cells of a height field, (n, 3)."""
+    row, column = np.nonzero(used)
+    some = np.linspace(0, len(row) - 1, min(len(row), _ASKED)).round().astype(np.intp)
+    row, column = row[some], column[some]
+    # MuJoCo parts cells from the south-west to the north-east
+    return 0.5 * (patch.at(row, column) + patch.at(row + 1, column + 1))
 
 
 def _grid_losses(patch: HeightPatch, sunk: float) -> Iterator[str]:
@@ -375,22 +541,19 @@ def _field_parts(found: Collision, wanted: float, how: str = "") -> Iterator[str
             yield f"lines between surfaces on them up to {metres(found.raggedness)}, a cell"
 
 
-def _add_flexes(scene: Scene, body: ET.Element) -> _Told:
+def _add_flexes(model: _Mjcf) -> _Told:
     """Add the mesh as rigid flexes, one for each surface, which are not seen."""
+    scene = model.scene
     points = points_of(scene.mesh)
     for part in scene.parts:
         one = scene.material(part.surface)
         vertices, faces = shape_of(points, part)
-        contact = _contact(one)
         flex = child(
-            body, "flexcomp", name=f"terrain_flex_{one.word}", type="direct", dim=2, rigid="true",
-            radius=0, group=contact["group"], rgba=contact["rgba"],
+            model.world, "flexcomp", name=f"{scene.name}/{one.word}", type="direct", dim=2,
+            rigid="true", radius=0, group=3, rgba=_hidden(one), pos=model.place((0, 0, 0)),
             point=numbers(vertices.ravel()), element=" ".join(map(str, faces.ravel().tolist())),
         )  # fmt: skip
-        child(
-            flex, "contact", selfcollide="none", priority=contact["priority"],
-            friction=contact["friction"],
-        )  # fmt: skip
+        child(flex, "contact", selfcollide="none", priority=1, friction=_friction(one))
     number = len(scene.mesh.faces)
     return _Told(
         f"{count_of(number, 'face')} to collide with, "

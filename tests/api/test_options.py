@@ -61,7 +61,9 @@ def test_a_verb_takes_what_its_command_takes(name: str) -> None:
     assert wanted - set(inspect.signature(verb(name)).parameters) == set()
 
 
-@pytest.mark.parametrize("name", [*VERBS, "to_dem", "to_mesh", "view", "scan", "load", "check"])
+@pytest.mark.parametrize(
+    "name", [*VERBS, "to_dem", "to_mesh", "to_mjspec", "view", "scan", "load", "check"]
+)
 def test_each_option_is_explained(name: str) -> None:
     function = verb(name)
     doc = inspect.getdoc(function) or ""

@@ -71,6 +71,7 @@ VERBS: dict[str, tuple[Callable[[], Verb], dict[str, Any]]] = {
     "tiles": (lambda: terrain().write_dem,
               {"tiles": "t", "tile_size": 32768, "resolution": 1, **SURE}),
     "to_mesh": (lambda: terrain().to_mesh, {"max_error": 0.1}),
+    "to_mjspec": (lambda: terrain().to_mjspec, {"max_error": 0.1}),
     "write_mesh": (lambda: terrain().write_mesh, {"path": "a.obj", "max_error": 0.1, **SURE}),
     "solid": (lambda: terrain().write_mesh, {"path": "a.stl", "solid": True, **SURE}),
     "grid": (lambda: terrain().write_mesh,

@@ -217,10 +217,10 @@ def test_a_surface_as_wide_as_a_cell_has_its_friction(
     assert "shares its ground" not in str(manifest["losses"])
     model = MuJoCo(folder, group=2).model
     rock = np.array([[False, False, True], [True, False, False]])  # of cells, from the south
-    for field, (own, angle) in enumerate(((~rock, 30), (rock, 40))):
+    for field, (own, name, angle) in enumerate(((~rock, "soil", 30), (rock, "rock", 40))):
         heights = model.hfield_data[field * 35 :][:35].reshape(5, 7)
         assert np.array_equal(heights[1::2, 1::2] > 0.5, own)
-        friction = model.geom(f"/collision_hfield_{field}").friction[0]
+        friction = model.geom(f"/terrain/{name}/dem/0").friction[0]
         assert friction == pytest.approx(math.tan(math.radians(angle)))
     monkeypatch.setattr(of_grid, "_FINE_NODES", 15)
     strip = {"file": "row.tif", "names": {"2": "rock"}}

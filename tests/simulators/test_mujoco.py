@@ -303,7 +303,7 @@ def transposed(geom: ET.Element, ground: Ground) -> None:
 
 def hulled(geom: ET.Element, ground: Ground) -> None:
     """The mesh of the paving collides, too: as its hull, as MuJoCo takes a mesh."""
-    if geom.get("mesh") == "terrain_paving":
+    if geom.get("mesh") == "terrain/paving/seen":
         geom.attrib.update(group="3", contype="1", conaffinity="1", rgba="0 0 0 0")
 
 
