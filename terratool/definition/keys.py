@@ -12,8 +12,8 @@ from msgspec import Struct
 
 from terratool.definition.curriculum import (
     CURRICULUM_KEYS,
-    TILE_OF_A_FILE,
     TILE_KEYS,
+    TILE_OF_A_FILE,
     CurriculumText,
     PatchText,
     TileText,

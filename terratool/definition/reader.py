@@ -554,7 +554,8 @@ def _own_result(document: SourceDocument, options: CheckOptions) -> _OwnResult:
         if looked.is_good:
             looked = structs.replace(looked, checked=structs.replace(
                 looked.checked, vehicle=decoded.vehicle, sensor=decoded.sensor,
-                curriculum=decoded.curriculum, tiles=document.tiles, terrain=decoded.definition, tree=decoded.tree,
+                curriculum=decoded.curriculum, tiles=document.tiles,
+                terrain=decoded.definition, tree=decoded.tree,
                 document=document if decoded.definition or decoded.library else None,
             ))  # fmt: skip
     document.__dict__["_own_result"] = looked

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from msgspec import UNSET, Struct, structs
 
@@ -50,7 +50,7 @@ _DIGITS = 9
 
 
 class TileProblem(NamedTuple):
-    """What is wrong with a kind of tiles: pointer from the kind on, message and hint."""
+    """Fault of a kind of tiles: pointer from the kind on, message and hint."""
 
     rest: str
     message: str
@@ -254,7 +254,7 @@ def _value_problems(tile: TileSource, path: str) -> Iterator[TileProblem]:
         if wrong := formula_problem(formula):
             yield TileProblem(rest, *wrong)
         data = locate.value_at(tile.source.data, pointer) if pointer.startswith("/") else None
-        if data is None or not data[:1] in b"-0123456789":
+        if data is None or data[:1] not in b"-0123456789":
             message = f"{quote(path)} has no number at {quote(pointer)}."
             hint = "Write the JSON pointer of a number, such as /elemTree/children/0/vScale."
             yield TileProblem(rest, message, hint)

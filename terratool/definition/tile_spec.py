@@ -171,7 +171,7 @@ class Spec(Struct, frozen=True):
         del values["schema"]
         tile = pair_of(values["tile"], 0.0)
         if values["origin"] == CENTER:
-            sides = zip((text.rows, text.columns), tile, strict=True)
+            sides = zip((values["rows"], values["columns"]), tile, strict=True)
             values["origin"] = tuple(round(-count * side / 2, 6) for count, side in sides)
         kinds = text.kinds.items()
         return cls(**values | {

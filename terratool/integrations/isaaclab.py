@@ -85,7 +85,7 @@ class TerrainGenerator:
         tiles = {name: tile_of(name, sub, cfg) for name, sub in cfg.sub_terrains.items()}
         patches = _Patches.of(tiles)
         # without a seed of its own Isaac Lab takes that of NumPy's global generator, too
-        seed = cfg.seed if cfg.seed is not None else int(np.random.get_state()[1][0])  # type: ignore[index]  # noqa: NPY002
+        seed = cfg.seed if cfg.seed is not None else int(np.random.get_state()[1][0])  # type: ignore[index]
         members = {
             "rows": cfg.num_rows,
             "columns": cfg.num_cols,

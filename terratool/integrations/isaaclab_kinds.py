@@ -60,7 +60,9 @@ _KINDS = {
     "MeshBoxTerrainCfg": _Kind(
         "box", {"box_height_range": "height", "double_box": "double", **_PLATFORM}
     ),
-    "MeshGapTerrainCfg": _Kind("gap", {"gap_width_range": "gapWidth", **_PLATFORM}, {"holes": True}),
+    "MeshGapTerrainCfg": _Kind(
+        "gap", {"gap_width_range": "gapWidth", **_PLATFORM}, {"holes": True}
+    ),
     "MeshFloatingRingTerrainCfg": _Kind(
         "floatingRing",
         {

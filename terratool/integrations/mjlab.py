@@ -23,7 +23,7 @@ _BODY = "terrain"
 
 
 @dataclass(kw_only=True)
-class TileCfg(SubTerrainCfg):  # type: ignore[misc]
+class TileTerrainCfg(SubTerrainCfg):  # type: ignore[misc]
     """Sub-terrain of one of terratool's kinds of tiles, for mjlab's `TerrainGeneratorCfg`.
 
     Attributes:
@@ -99,7 +99,7 @@ def terrain_generator_cfg(
     options: Mapping[str, Any] | None = None,
     **changes: Any,
 ) -> TerrainGeneratorCfg:
-    """mjlab's configuration of a generator for the grid that a spec describes.
+    """Mjlab's configuration of a generator for the grid that a spec describes.
 
     mjlab has one column for each sub-terrain of a curriculum, so a kind of several columns becomes
     as many sub-terrains. The grid lies about 0, 0, and difficulty follows the row alone.
@@ -121,7 +121,7 @@ def terrain_generator_cfg(
     for kind in grid.columns if curriculum else grid.tiles:
         number = counts[kind] = counts.get(kind, -1) + 1
         one = grid.tiles[kind]
-        tiles[f"{kind} {number}" if number else kind] = TileCfg(
+        tiles[f"{kind} {number}" if number else kind] = TileTerrainCfg(
             proportion=1.0 if curriculum else float(one.proportion),
             size=grid.size,
             flat_patch_sampling=None if one.patches is None else dict(one.patches),

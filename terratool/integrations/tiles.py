@@ -107,9 +107,7 @@ def read_grid(spec: Mapping[str, Any] | str | Path) -> GridSpec:
     checked = spec_of(source)
     members = read_values(source.data)
     patches = {
-        one.name: PatchSampling(
-            one.count, one.radius, one.height_difference, one.x, one.y, one.z
-        )
+        one.name: PatchSampling(one.count, one.radius, one.height_difference, one.x, one.y, one.z)
         for one in checked.patches
     }
     tiles = {

@@ -18,8 +18,8 @@ from terratool.definition.findings import Remark
 from terratool.definition.keys import KEYS
 from terratool.definition.model import Pair, pair_of
 from terratool.definition.rules.base import CurriculumSubject
-from terratool.definition.tile_kinds import KINDS
 from terratool.definition.tile_files import formula_problem
+from terratool.definition.tile_kinds import KINDS
 from terratool.definition.tile_spec import KindSpec
 from terratool.report.wording import join_words
 from terratool.text.display import escape, quote
