@@ -28,7 +28,7 @@ COMPILE := 'import sys; from scikit_build_core.build import build_editable as bu
   build("build", dict(setting.split("=", 1) for setting in sys.argv[1:]))'
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test slow nightly baseline lint bench clocks docs pages site stubs schemas fuzz kills fuzz-terrains fuzz-expressions wheel outside sanitize debug coverage clean
+.PHONY: help install demo test slow nightly baseline lint bench clocks docs pages site stubs schemas fuzz adapters kills fuzz-terrains fuzz-expressions wheel outside sanitize debug coverage clean
 
 help:  ## Explain every target
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -135,6 +135,14 @@ site: $(VENV)/.installed-docs-$(VARIANTS)  ## Build the site of docs/ into out/s
 
 fuzz: $(VENV)/.installed-test-$(VARIANTS)  ## Try 2,400,000 broken files; FUZZ="rasters --share 0.01" for less
 	$(BIN)/python -m tests.fuzz $(FUZZ)
+
+# mjlab wants an older MuJoCo than other tests, so it gets an environment of its own; each module runs
+# by itself, as the programs' libraries do not bear one another
+adapters:  ## Try Isaac Lab, mjlab, dm_control and Gymnasium with their adapters, in .venv-adapters: 3 GB
+	$(MAKE) install VENV=.venv-adapters EXTRAS=test
+	.venv-adapters/bin/python $(PIP) 'mjlab==1.6.*' dm_control 'gymnasium[mujoco]'
+	.venv-adapters/bin/python $(PIP) --no-deps isaaclab
+	for one in tests/integrations/with_*.py; do .venv-adapters/bin/python -m pytest -q -n 0 -W default $$one || exit 1; done
 
 kills: $(VENV)/.installed-test-$(VARIANTS)  ## End 1,000 commands that write at random moments, and have others go wrong; KILLS="--kills 50" for less
 	$(BIN)/python -m tests.kills $(KILLS)

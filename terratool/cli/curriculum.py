@@ -9,7 +9,13 @@ import click
 from msgspec import Struct
 
 from terratool.cli.command import Command
-from terratool.cli.options import json_option, output_argument, overwrite_option
+from terratool.cli.options import (
+    json_option,
+    library_root_option,
+    library_roots,
+    output_argument,
+    overwrite_option,
+)
 from terratool.cli.saying import say, say_json
 from terratool.cli.terminal import StatusLine, short_name
 from terratool.report.documents import Document
@@ -33,6 +39,7 @@ if TYPE_CHECKING:
     metavar="N",
     help="Number that all random choices follow from, instead of the spec's own.",
 )
+@library_root_option
 @overwrite_option()
 @json_option()
 @click.pass_context
@@ -66,7 +73,7 @@ def command(
     refuse_missing_folder(Path(output))
     with StatusLine(f"reading {short_name(spec)}") as status:
         try:
-            read = load_spec(spec, seed)
+            read = load_spec(spec, seed, library_roots())
         except DefinitionError as error:
             if not error.findings:
                 raise

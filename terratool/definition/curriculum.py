@@ -21,8 +21,12 @@ from terratool.definition.key import (
 )
 from terratool.definition.model import MAX_SEED, Pair, Surface
 
-Value = float | bool | str | Pair
+Value = float | bool | str | Pair | dict[str, float | str]
 """Value of a key of a kind of tiles."""
+TILE_OF_A_FILE = "definition"
+"""Kind of tiles that are made of a file of the user's own."""
+CENTER = "center"
+"""Origin of a grid whose middle is at 0, 0."""
 MAX_TILES = 10_000
 """Most tiles of a spec."""
 LONGEST = 65.0
@@ -65,7 +69,7 @@ class CurriculumText(Struct, frozen=True, rename="camel", kw_only=True):
     columns: int | UnsetType = UNSET
     tile: float | Pair | UnsetType = UNSET
     border: float | UnsetType = UNSET
-    origin: Pair | UnsetType = UNSET
+    origin: Pair | str | UnsetType = UNSET
     seed: int | UnsetType = UNSET
     curriculum: bool | UnsetType = UNSET
     difficulty: Pair | UnsetType = UNSET
@@ -105,10 +109,11 @@ CURRICULUM_KEYS: dict[Shape, dict[str, Key]] = {
             "Width of the level ground around all tiles, m.", default=0.0
         ),
         "origin": Key(
-            "a position [x, y], two numbers up to 1e9 in size", "number", -1e9, 1e9, alone=False,
-            length=2,
+            f'a position [x, y], two numbers up to 1e9 in size, or "{CENTER}"', "number", -1e9, 1e9,
+            alone=False, length=2, choices=(CENTER,), noun="origin",
         ).describe(
-            "World position of the south-west corner of the first tile, m.", default=(0.0, 0.0)
+            f'World position of the south-west corner of the first tile, m; "{CENTER}" puts the '
+            "middle of the grid at 0, 0.", default=(0.0, 0.0)
         ),
         "seed": whole(0, MAX_SEED).describe(
             "Number that all random choices follow from.", default=0

@@ -12,7 +12,7 @@ from msgspec import UNSET, Struct, UnsetType, field
 
 from terratool.definition.curriculum import TILE_KEYS, CurriculumText, PatchText, TileText
 from terratool.definition.findings import Owner, Remark, RemarkLog
-from terratool.definition.key import Key, Shape
+from terratool.definition.key import FORMULA, Key, Shape
 from terratool.definition.keys import (
     ALTERNATIVES,
     BIGGEST,
@@ -266,6 +266,10 @@ class _Decoder:
         elif not isinstance(kind, str):
             self._wrong_type(pointer, "/kind", '"kind"', wanted, kind)
         elif kind in KINDS:
+            for key in REQUIRED.get(kind, ()):
+                if key not in members:
+                    hint = f'Add "{key}", {KEYS[kind][key].words}.'
+                    self.add("TT104", pointer, f'the kind of tiles has no "{key}".', hint)
             return TileText(kind, self._fields(kind, members, pointer))
         else:
             return TileText(kind)
@@ -333,6 +337,17 @@ class _Decoder:
                 self._single(one, part, owner, f"{rest}/{i}", f'item {i} of "{key}"', key)
                 for i, part in enumerate(item)
             )
+        if wanted.kind == "formula":
+            return self._formula(wanted, item, owner, rest, subject, key)
+        if wanted.kind == "formulas":
+            if not isinstance(item, dict):
+                return self._wrong_type(owner, rest, subject, wanted.words, item)
+            return {
+                name: self._formula(
+                    FORMULA, part, owner, f"{rest}/{escape(name)}", quote(name), key
+                )
+                for name, part in item.items()
+            }
         if wanted.kind == "any":
             if isinstance(item, float) and (item.is_integer() or not fits_double(item)):
                 item = int(item) if fits_double(item) else 10**400  # as in JSON Schema
@@ -346,9 +361,19 @@ class _Decoder:
                 self._single(wanted, part, owner, f"{rest}/{i}", f'item {i} of "{key}"', key)
                 for i, part in enumerate(item)
             )
-        if not wanted.alone:
+        if not wanted.alone and not (wanted.choices and isinstance(item, str)):
             return self._wrong_type(owner, rest, subject, wanted.words, item)
         return self._single(wanted, item, owner, rest, subject, key)
+
+    def _formula(
+        self, wanted: Key, item: Any, owner: Owner, rest: str, subject: str, key: str
+    ) -> Any:
+        if isinstance(item, str):
+            return item
+        if type(item) not in JSON_TYPES["number"]:
+            return self._wrong_type(owner, rest, subject, wanted.words, item)
+        number = msgspec.structs.replace(wanted, kind="number")
+        return self._single(number, item, owner, rest, subject, key)
 
     def _single(
         self, wanted: Key, item: Any, owner: Owner, rest: str, subject: str, key: str

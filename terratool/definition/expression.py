@@ -1,4 +1,4 @@
-"""Formulas of curves: a language of one variable `t`, parsed and evaluated, never executed."""
+"""Formulas of one variable, `t` for curves: a language parsed and evaluated, never executed."""
 
 from __future__ import annotations
 
@@ -135,15 +135,20 @@ class ExpressionError(ValueError):
 
 
 class Expression(Struct, frozen=True):
-    """Parsed expression: its text and its program in postfix order."""
+    """Parsed expression: its text, its program in postfix order, and the name of its variable."""
 
     text: str
     program: tuple[Op, ...]
+    variable: str = "t"
 
 
 @lru_cache(maxsize=4096)
-def parse(text: str) -> Expression:
-    """Parse a named curve or an expression in `t`.
+def parse(text: str, variable: str = "t") -> Expression:
+    """Parse a named curve or an expression in one variable.
+
+    Args:
+        text: the name or the expression.
+        variable: name of the variable.
 
     Raises:
         ExpressionError: the text is too long, too deep or no expression.
@@ -153,14 +158,20 @@ def parse(text: str) -> Expression:
             f"the expression has {len(text)} characters, more than {MAX_LENGTH}",
             "Shorten it, or write the curve as a vector of samples.",
         )
-    return Expression(text, _Parser(NAMED.get(text.strip(_BLANKS), text)).program())
+    named = NAMED.get(text.strip(_BLANKS))
+    try:
+        parser = _Parser(text, variable) if named is None else _Parser(named, "t")
+        return Expression(text, parser.program(), variable)
+    except ExpressionError as error:
+        hint = re.sub(r"\bt\b", variable, error.hint)
+        raise ExpressionError(error.message, hint) from None
 
 
 class _Parser:
     """Recursive-descent parser, bounded by MAX_DEPTH, with Python's precedence of operators."""
 
-    def __init__(self, text: str) -> None:
-        self._text = text
+    def __init__(self, text: str, variable: str) -> None:
+        self._text, self._variable = text, variable
         self._tokens = _tokens(text)
         self._ops: list[Op] = []
         self._depth = 0
@@ -241,8 +252,9 @@ class _Parser:
     def _atom(self) -> None:
         if self._kind == "number":
             self._number()
-        elif self._kind == "name" and self._value in ("t", "pi"):
-            self._ops.append(("t", None) if self._value == "t" else ("number", math.pi))
+        elif self._kind == "name" and self._value in (self._variable, "pi"):
+            is_pi = self._value == "pi"
+            self._ops.append(("number", math.pi) if is_pi else ("t", None))
             self._advance()
         elif self._kind == "name" and self._value in UNARY + VARIADIC:
             self._call()
@@ -376,6 +388,11 @@ def sample_values(expression: Expression) -> list[float]:
     return values if isinstance(values, list) else [values] * CHECK_POINTS
 
 
+def value_at(expression: Expression, number: float) -> float:
+    """Value of an expression where its variable is a number."""
+    return float(evaluate(expression, number, LIST_FUNCTIONS))
+
+
 def _operations(program: Iterable[Op]) -> int:
     """Number of passes over all t: a term without t takes none, and a power counts as two."""
     count = 0
@@ -405,6 +422,6 @@ def check(expression: Expression) -> None:
         if not abs(value) < MAX_VALUE:
             what = f"reaches {value:.3g}" if math.isfinite(value) else "is not a finite number"
             raise ExpressionError(
-                f"the expression {what} at t = {t:g}",
-                "Keep it finite and below 1e9 for every t from 0 to 1.",
+                f"the expression {what} at {expression.variable} = {t:g}",
+                f"Keep it finite and below 1e9 for every {expression.variable} from 0 to 1.",
             )

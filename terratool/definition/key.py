@@ -48,6 +48,8 @@ class Key(Struct, frozen=True):
         "names",
         "paths",
         "numbers",
+        "formula",
+        "formulas",
         "any",
     ]
     low: float = -inf
@@ -74,6 +76,10 @@ class Key(Struct, frozen=True):
 
 
 TEXT = Key("a text", "text")
+FORMULA = Key(
+    'a number up to 1e9 in size, or an expression such as "0.1 + 0.3 * difficulty"', "formula",
+    -1e9, 1e9,
+)  # fmt: skip
 SCHEMA = Key("the address of the JSON Schema, a text", "text")
 FLAG = Key("true or false", "flag")
 

@@ -13,6 +13,7 @@ from msgspec import Struct
 from terratool.definition.curriculum import (
     CURRICULUM_KEYS,
     TILE_KEYS,
+    TILE_OF_A_FILE,
     CurriculumText,
     PatchText,
     TileText,
@@ -56,7 +57,7 @@ from terratool.definition.vehicle import (
     WheelsText,
 )
 
-REQUIRED: dict[type, tuple[str, ...]] = {
+REQUIRED: dict[Shape, tuple[str, ...]] = {
     VehicleText: ("mass", "track", "cog", "clearance"),
     WheelsText: ("radius", "width"),
     AxleText: ("x",),
@@ -71,6 +72,7 @@ REQUIRED: dict[type, tuple[str, ...]] = {
     SonarText: ("beamWidth", "threshold"),
     CurriculumText: ("rows", "columns", "kinds"),
     PatchText: ("radius",),
+    TILE_OF_A_FILE: ("file",),
 }
 """Keys that an object must have; rules look for those of terrains, elements and tracks."""
 GEARS = ("wheels", "tracks", "feet")

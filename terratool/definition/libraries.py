@@ -67,6 +67,7 @@ class SourceDocument(Struct, eq=False, dict=True):
         broken: error of syntax; None if there is none.
         kind: kind that the text was read as.
         linked: whether its libraries were looked for.
+        tiles: of a spec of training tiles, what the files of its kinds of tiles hold, by name.
     """
 
     source: Source
@@ -78,6 +79,7 @@ class SourceDocument(Struct, eq=False, dict=True):
     broken: JsonSyntaxError | None = None
     kind: Kind = "library"
     linked: bool = False
+    tiles: Mapping[str, Any] = {}
     _catalogue: Catalogue | None = None
 
     @property
@@ -457,19 +459,34 @@ class Shelf:
     def _rasters(self) -> Rasters:
         return no_rasters()
 
-    def _load(self, name: str, real: str) -> SourceDocument | _Problem:
-        said = quote(name)
+    def text_of(self, user: SourceDocument, path: str) -> Source | tuple[str, str]:
+        """Text at a path that a file names; message and hint where the path is wrong."""
+        wrong = self._refusal(user, path, real_path(user.folder), "file")
+        if wrong is not None:
+            return wrong
+        name, real = plain_path(user.folder, path), real_path(str(Path(user.folder, path)))
+        found = self._text(name, real, "file")
+        return found if isinstance(found, Source) else found[1:]
+
+    def _text(self, name: str, real: str, what: str) -> Source | _Problem:
+        """Text of a regular file; code, message and hint if it cannot be had."""
 
         def read(size: int) -> Source:
             if size > self._room:
                 raise ReadError(f"{real}: holds more than 1 GiB, with those before.", _SMALLER)
             return read_source(real, self._room, _SMALLER, named=False)
 
-        source = _read_file("TT701", f"library {said}", "Name a JSON file.", real, read)
+        source = _read_file("TT701", f"{what} {quote(name)}", "Name a JSON file.", real, read)
         if not isinstance(source, Source):
             return source
         self._room -= source.size
-        document = self._read(Source(name, source.data, source.packed, source.marked))
+        return structs.replace(source, name=name)
+
+    def _load(self, name: str, real: str) -> SourceDocument | _Problem:
+        said, source = quote(name), self._text(name, real, "library")
+        if not isinstance(source, Source):
+            return source
+        document = self._read(source)
         document.real = real
         looks = document_kind(source.data)
         foreign = any(

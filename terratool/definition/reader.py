@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property, partial
 from itertools import chain
@@ -83,6 +83,7 @@ from terratool.text.values import (
 
 if TYPE_CHECKING:
     from terratool.definition.expand import Expansion
+    from terratool.definition.tile_files import TileSource
     from terratool.text.edit import Edit
     from terratool.text.locate import Position
     from terratool.text.syntax import JsonSyntaxError
@@ -237,6 +238,7 @@ class Checked(Struct, frozen=True, dict=True):
         vehicle: vehicle; None if it has an error, or the text is no vehicle.
         sensor: sensor; None if it has an error, or the text is no sensor.
         curriculum: spec of training tiles; None if it has an error, or the text is no spec.
+        tiles: terrains that tiles of `curriculum` are made of, by the names of the kinds.
         terrain: terrain, whose elements may be in `tree` alone; None if it has an error, or the
             text is no terrain.
         tree: elements of the terrain or the library.
@@ -251,6 +253,7 @@ class Checked(Struct, frozen=True, dict=True):
     vehicle: VehicleText | None = None
     sensor: SensorText | None = None
     curriculum: CurriculumText | None = None
+    tiles: Mapping[str, TileSource] = {}
     terrain: Definition | None = None
     tree: Tree | None = None
     document: SourceDocument | None = None
@@ -414,7 +417,19 @@ def check(
         document = read_document(source, kind, options.limit)
         if document.model.library_paths and source.name != "<stdin>":
             document.real = real_path(source.name)
-        (shelf or new_shelf(options)).link(document)
+        if document.decoded.curriculum is not None:
+            options = structs.replace(
+                options, library_roots=(*options.library_roots, document.folder)
+            )
+        shelf = shelf or new_shelf(options)
+        shelf.link(document)
+        if document.decoded.curriculum is not None:
+            from terratool.definition.tile_files import open_tiles
+
+            others = CheckOptions(warnings=False, library_roots=options.library_roots)
+            document.tiles = open_tiles(
+                document, shelf, lambda text: check(text, others, None, shelf)
+            )
         for library in document.all_libraries:
             _own_result(library, options)
         libraries = tuple(_full_result(library, options) for library in document.all_libraries)
@@ -539,7 +554,8 @@ def _own_result(document: SourceDocument, options: CheckOptions) -> _OwnResult:
         if looked.is_good:
             looked = structs.replace(looked, checked=structs.replace(
                 looked.checked, vehicle=decoded.vehicle, sensor=decoded.sensor,
-                curriculum=decoded.curriculum, terrain=decoded.definition, tree=decoded.tree,
+                curriculum=decoded.curriculum, tiles=document.tiles,
+                terrain=decoded.definition, tree=decoded.tree,
                 document=document if decoded.definition or decoded.library else None,
             ))  # fmt: skip
     document.__dict__["_own_result"] = looked
@@ -716,7 +732,9 @@ def _subjects(document: SourceDocument, options: CheckOptions) -> list[tuple[Kin
     if decoded.curriculum is not None:
         from terratool.definition.tile_ground import ground_subject
 
-        spec = CurriculumSubject(curriculum=decoded.curriculum, unfit=decoded.unfit)
+        spec = CurriculumSubject(
+            curriculum=decoded.curriculum, unfit=decoded.unfit, tiles=document.tiles
+        )
         subjects: list[tuple[Kind, Any]] = [("curriculum", spec)]
         ground = ground_subject(spec)
         return subjects if ground is None else [*subjects, ("terrain", ground)]

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from terratool.definition.curriculum import CurriculumText, PatchText
 from terratool.definition.expression import MAX_LENGTH
-from terratool.definition.key import Key, Shape
+from terratool.definition.key import FORMULA, Key, Shape
 from terratool.definition.keys import KEYS, MEMBERS, NESTED, REQUIRED
 from terratool.definition.model import (
     CLASS,
@@ -297,6 +297,11 @@ def _value(key: Key) -> Json:
         return {"anyOf": [_number(key), by_name]}
     if key.kind == "numbers":
         return _list(_number(key), 1, key.length)
+    if key.kind == "formula":
+        expression = {"type": "string", "minLength": 1, "maxLength": MAX_LENGTH}
+        return {"anyOf": [_number(key), expression]}
+    if key.kind == "formulas":
+        return {"type": "object", "additionalProperties": _value(FORMULA)}
     if key.kind not in ("number", "whole"):
         return {"enum": list(key.choices)} if key.choices else _VALUES[key.kind]
     forms = [_number(key)] if key.alone else []
@@ -349,7 +354,7 @@ class _SchemaWriter:
         }
         if not isinstance(shape, str) and shape not in (GridFile, *MEMBERS.values(), PatchText):
             properties["x-ignore"] = {"$ref": "#/$defs/ignore"}
-        required = REQUIRED.get(shape, ()) if isinstance(shape, type) else ("kind",)
+        required = (*(("kind",) if isinstance(shape, str) else ()), *REQUIRED.get(shape, ()))
         return {
             "type": "object",
             "properties": properties,

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from terratool.definition.key import FLAG, Key, choice, number, number_range, whole
+from terratool.definition.curriculum import LONGEST, TILE_OF_A_FILE
+from terratool.definition.key import FLAG, FORMULA, Key, choice, number, number_range, whole
 
 
 class TileKind(NamedTuple):
@@ -203,6 +204,19 @@ KINDS: dict[str, TileKind] = {
             "platform": _platform(1.5),
         },
     ),
+    "floatingRing": TileKind(
+        "A square ring that hangs over level ground.",
+        {
+            "ringHeight": _range(
+                (0.4, 1.0), "Of the room under the ring, m, at difficulty 1 and at 0.", THINNEST
+            ),
+            "ringWidth": _range(
+                (0.5, 1.0), "Of the ring, m, at difficulty 0 and at 1.", THINNEST
+            ),
+            "thickness": _number(0.05, "Of the ring, from its underside to its top, m.", THINNEST),
+            "platform": _platform(1.5),
+        },
+    ),
     "star": TileKind(
         "Bars through the middle, over lower ground.",
         {
@@ -220,5 +234,33 @@ KINDS: dict[str, TileKind] = {
     ),
     "repeatedPyramids": TileKind("Pyramids of four faces, likewise.", _objects(radius=_RADIUS)),
     "repeatedCylinders": TileKind("Round columns, likewise.", _objects(radius=_RADIUS)),
+    TILE_OF_A_FILE: TileKind(
+        "A terrain, or a part of a library, from a file of your own.",
+        {
+            "file": Key("the path of a terrain or a library, a text", "text").describe(
+                "Path of a terrain or a library, relative to the spec.", "tiles/yard.json"
+            ),
+            "part": Key("the name of a part, a text", "text").describe(
+                "Name of a part, if the file is a library.", "rack", default=""
+            ),
+            "extent": Key(
+                f"a side length from 0.001 to {LONGEST:g} m, or a pair [x, y] of them", "number",
+                0.001, LONGEST, length=2,
+            ).describe(
+                "Sides of the part, m, in the middle of the tile; the whole tile if left out.", 2.5,
+            ),
+            "vScale": FORMULA.describe(
+                "Factor on all heights of the file, which may depend on difficulty.",
+                "0.1 + 0.9 * difficulty", default=1.0,
+            ),
+            "values": Key(
+                'an object of numbers, or expressions in difficulty, by JSON pointers into the '
+                'file, such as {"/elemTree/children/0/vScale": "0.2 * difficulty"}', "formulas",
+            ).describe(
+                "Numbers of the terrain that depend on difficulty, by their JSON pointers.",
+                {"/elemTree/children/0/vScale": "0.05 + 0.2 * difficulty"}, default={},
+            ),
+        },
+    ),
 }  # fmt: skip
 """Kinds of tiles by name."""

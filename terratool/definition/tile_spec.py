@@ -8,6 +8,7 @@ from typing import Any
 from msgspec import UNSET, Struct
 
 from terratool.definition.curriculum import (
+    CENTER,
     CURRICULUM_KEYS,
     TILE_KEYS,
     CurriculumText,
@@ -15,7 +16,8 @@ from terratool.definition.curriculum import (
     TileText,
     Value,
 )
-from terratool.definition.model import names_of
+from terratool.definition.model import names_of, pair_of
+from terratool.definition.tile_files import TileSource, formula_value
 from terratool.definition.tile_kinds import KINDS
 
 MOST_PIECES = 1_000_000
@@ -45,21 +47,23 @@ class KindSpec(Struct, frozen=True):
         kind: name of the kind of tile, a key of `KINDS`.
         proportion: share of the columns, or of the tiles, beside those of the other kinds.
         values: values of all keys of the kind, by key.
+        terrain: terrain that tiles are made of; None for the other kinds.
     """
 
     name: str
     kind: str
     proportion: float
     values: Mapping[str, Value]
+    terrain: TileSource | None = None
 
     @classmethod
-    def of(cls, name: str, text: TileText) -> KindSpec:
+    def of(cls, name: str, text: TileText, terrain: TileSource | None = None) -> KindSpec:
         """Kind of tile of a text, whose `kind` must be known."""
         kind = str(text.kind)
         keys = TILE_KEYS | KINDS[kind].keys
         values = {key: text.values.get(key, wanted.default) for key, wanted in keys.items()}
         del values["kind"]
-        return cls(name, kind, values.pop("proportion"), values)
+        return cls(name, kind, values.pop("proportion"), values, terrain)
 
     def number(self, key: str) -> float:
         """Value of a key for a number."""
@@ -78,7 +82,10 @@ class KindSpec(Struct, frozen=True):
         return value
 
     def at(self, key: str, difficulty: float) -> float:
-        """Value of a range at a difficulty: its first end at 0, its second end at 1."""
+        """Value at a difficulty, of a range from its first end at 0 to its second end at 1."""
+        value = self.values[key]
+        if isinstance(value, float | str):
+            return formula_value(value, difficulty)
         first, second = self.range(key)
         return first + difficulty * (second - first)
 
@@ -147,19 +154,29 @@ class Spec(Struct, frozen=True):
     descr: str
 
     @classmethod
-    def of(cls, text: CurriculumText, surface: Mapping[str, Any] = FLOOR) -> Spec:
+    def of(
+        cls,
+        text: CurriculumText,
+        surface: Mapping[str, Any] = FLOOR,
+        tiles: Mapping[str, TileSource] = {},
+    ) -> Spec:
         """Spec of a text without errors.
 
         Args:
             text: spec as it is written.
             surface: surface of the ground, key by key as the user wrote it.
+            tiles: terrains that tiles are made of, by the names of the kinds.
         """
         values = _with_defaults(text)
         del values["schema"]
-        tile = values["tile"]
+        tile = pair_of(values["tile"], 0.0)
+        if values["origin"] == CENTER:
+            sides = zip((values["rows"], values["columns"]), tile, strict=True)
+            values["origin"] = tuple(round(-count * side / 2, 6) for count, side in sides)
+        kinds = text.kinds.items()
         return cls(**values | {
-            "kinds": tuple(KindSpec.of(name, kind) for name, kind in text.kinds.items()),
-            "tile": tile if isinstance(tile, tuple) else (tile, tile),
+            "kinds": tuple(KindSpec.of(name, kind, tiles.get(name)) for name, kind in kinds),
+            "tile": tile,
             "border": round(values["border"], 3),
             "surface": surface,
             "patches": tuple(PatchSpec.of(name, patch) for name, patch in text.patches.items()),

@@ -69,8 +69,10 @@ def assign(spec: Spec) -> Assignment:
 
 @dataclass(slots=True)
 class _Contents:
-    """Primitives and parts that tiles need, each once, and the elements of the tiles."""
+    """Surfaces, primitives and parts that tiles need, each once, and the elements of the tiles."""
 
+    surfaces: dict[str, Members] = field(default_factory=dict)
+    ignored: dict[str, None] = field(default_factory=dict)
     primitives: dict[str, Members] = field(default_factory=dict)
     parts: dict[str, Members] = field(default_factory=dict)
     tiles: list[Members] = field(default_factory=list)
@@ -106,6 +108,8 @@ def _add(
     draw.uniform(0.0, 1.0, 2)  # `assign` has drawn these two
     name = f"{kind.name} {row},{column}"
     tile = MAKERS[kind.kind](Plot(kind, plan, difficulty, name, draw))
+    contents.surfaces.update(tile.surfaces)
+    contents.ignored.update(dict.fromkeys(tile.ignored))
     contents.primitives.update(tile.primitives)
     contents.parts.update(tile.parts)
     contents.tiles.append(
@@ -139,13 +143,17 @@ def _document(spec: Spec, contents: _Contents) -> Members:
     surfaces: Members = {"floor": dict(spec.surface)}
     if hollow:
         surfaces["hole"] = {"descr": "No ground", "void": True}
+    surfaces |= contents.surfaces
     descr = spec.descr or (
         f"{spec.rows} × {spec.columns} training tiles of {spec.tile[0]:g} × {spec.tile[1]:g} m, "
         f"seed {spec.seed}"
     )
     document: Members = {"descr": descr, "size": whole, "surfTypes": surfaces}
+    ignored = dict(contents.ignored)
     if any("x-ignore" not in p for p in contents.primitives.values() if _exceeds(p)):
-        document["x-ignore"] = ["TT306"]
+        ignored["TT306"] = None
+    if ignored:
+        document["x-ignore"] = list(ignored)
     origin = [round(side - spec.border, 6) for side in spec.origin]
     if any(origin):
         document["origin"] = origin
@@ -157,7 +165,7 @@ def _document(spec: Spec, contents: _Contents) -> Members:
 
 def _exceeds(primitive: Mapping[str, Any]) -> bool:
     """Whether a curve leaves the range from 0 to 1, as that of random heights does."""
-    curve = primitive["x"]
+    curve = primitive.get("x")
     if isinstance(curve, TextLines):
         return any(number not in ("0", "1") for row in curve.items for number in row.split(", "))
     return isinstance(curve, list) and any(isinstance(z, int) and z > 1 for z in curve)

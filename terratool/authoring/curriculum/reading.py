@@ -20,12 +20,15 @@ from terratool.text.values import read_values
 _MOST_BYTES = 1 << 24
 
 
-def load_spec(path: str | Path, seed: int | None = None) -> Spec:
+def load_spec(
+    path: str | Path, seed: int | None = None, library_roots: tuple[str, ...] = ()
+) -> Spec:
     """Read a spec from a file; ``-`` is standard input.
 
     Args:
         path: path of the file.
         seed: seed in place of the spec's own; None for its own.
+        library_roots: further folders under which files of tiles may lie.
 
     Raises:
         ReadError: the file cannot be read.
@@ -35,12 +38,16 @@ def load_spec(path: str | Path, seed: int | None = None) -> Spec:
     if seed is not None and not 0 <= seed <= MAX_SEED:
         raise RequestError(f"The seed is {seed}.", f"Give one from 0 to {MAX_SEED:,}.")
     source = read_source(path, _MOST_BYTES, "A spec is a short text; check the path.")
-    spec = spec_of(source)
+    spec = spec_of(source, library_roots)
     return spec if seed is None else replace(spec, seed=seed)
 
 
-def spec_of(source: Source | Mapping[str, Any]) -> Spec:
+def spec_of(source: Source | Mapping[str, Any], library_roots: tuple[str, ...] = ()) -> Spec:
     """Spec that a text or a dictionary holds.
+
+    Args:
+        source: text or dictionary; paths in a dictionary begin at the current folder.
+        library_roots: further folders under which files of tiles may lie.
 
     Raises:
         DefinitionError: it holds no valid spec; `findings` has all that is wrong.
@@ -53,7 +60,8 @@ def spec_of(source: Source | Mapping[str, Any]) -> Spec:
                 f"The spec cannot be written as JSON ({error}).",
                 "Give a dictionary of JSON values.",
             ) from error
-    checked = check(source, CheckOptions(warnings=False), "curriculum")
+    options = CheckOptions(warnings=False, library_roots=library_roots)
+    checked = check(source, options, "curriculum")
     if checked.curriculum is None:
         kind = document_kind(source.data)
         if kind not in ("curriculum", None):
@@ -63,4 +71,5 @@ def spec_of(source: Source | Mapping[str, Any]) -> Spec:
             )
         raise refusal(checked)
     # key by key as it was written, own keys included, as it goes into the definition
-    return Spec.of(checked.curriculum, read_values(source.data).get("surface", FLOOR))
+    surface = read_values(source.data).get("surface", FLOOR)
+    return Spec.of(checked.curriculum, surface, checked.tiles)

@@ -93,7 +93,11 @@ def mm(metres: float) -> int:
 
 def square(tile: TileRectangle, side: float) -> TileRectangle:
     """Square with a side in m, in the middle of a tile and no larger than it."""
-    w, h = min(mm(side), tile.w), min(mm(side), tile.h)
+    return rectangle_within(tile, min(mm(side), tile.w), min(mm(side), tile.h))
+
+
+def rectangle_within(tile: TileRectangle, w: int, h: int) -> TileRectangle:
+    """Rectangle of two sides, mm, in the middle of a tile."""
     return TileRectangle(tile.x + (tile.w - w) // 2, tile.y + (tile.h - h) // 2, w, h)
 
 
@@ -103,7 +107,7 @@ def ratio_within(tile: TileRectangle, inner: TileRectangle, ratio: float) -> Til
         n + 2 * mm((whole - n) * ratio / 2 / MM)
         for n, whole in ((inner.w, tile.w), (inner.h, tile.h))
     )
-    return TileRectangle(tile.x + (tile.w - w) // 2, tile.y + (tile.h - h) // 2, w, h)
+    return rectangle_within(tile, w, h)
 
 
 def level_ground(tile: TileRectangle, children: Any, **more: Any) -> Members:
@@ -115,20 +119,21 @@ def level_ground(tile: TileRectangle, children: Any, **more: Any) -> Members:
 # --- boxes -------------------------------------------------------------------------------------
 
 
-def box_lines(boxes: Iterable[Box], raised: float = 0.0) -> TextLines:
+def box_lines(boxes: Iterable[Box], raised: float = 0.0, deck: str = "") -> TextLines:
     """Elements of boxes, each as a line of text; boxes without height or area are left out.
 
     Args:
         boxes: boxes that do not overlap, as heights add up.
         raised: height added to each box, m.
+        deck: text of the key `deck` of each box; empty for boxes that stand on the ground.
     """
-    items = []
+    items, hangs = [], f', "deck": {deck}' if deck else ""
     for (x, y, w, h), height in boxes:
         z = round(height + raised, DIGITS)
         if z and w and h:
             items.append(
                 f'{{ "cellX": {x}, "cellY": {y}, "span": [{w}, {h}], "type": "level", '
-                f'"vScale": {_number(z)} }}'
+                f'"vScale": {_number(z)}{hangs} }}'
             )
     return TextLines(tuple(items))
 

@@ -43,15 +43,15 @@ def origins(spec: Spec, terrain: Terrain) -> Floats:
     """Origins of robots on each tile, (rows, columns, 3) float64, world, m.
 
     As in legged_gym's `add_terrain_to_map`: the middle of the tile, and the greatest height of the
-    points 0.1 m apart from 1 m to the south-west of it to below 1 m to the north-east. NaN where
-    there is no ground.
+    points 0.1 m apart from 1 m to the south-west of it to below 1 m to the north-east. What hangs
+    over the ground does not count. NaN where there is no ground.
     """
     centre = middles(spec)
     steps = np.arange(-round(_AROUND / _APART), round(_AROUND / _APART)) * _APART
     near = [steps[(steps >= -side / 2) & (steps < side / 2 - _SLACK)] for side in spec.tile]
     x = centre[..., 0, np.newaxis, np.newaxis] + near[0][:, np.newaxis]
     y = centre[..., 1, np.newaxis, np.newaxis] + near[1]
-    heights = terrain.height(x, y)
+    heights = terrain.ground(x, y)
     there = np.where(np.isnan(heights), -np.inf, heights).max(axis=(2, 3))
     z = np.round(np.where(np.isfinite(there), there, np.nan), _DIGITS) + 0.0
     return np.concatenate([centre, z[..., np.newaxis]], axis=-1)
@@ -85,7 +85,7 @@ def level_patches(spec: Spec, terrain: Terrain, origin: Floats) -> Mapping[str, 
     Places are drawn until enough are level, as in Isaac Lab's `find_flat_patches`: the heights of
     48 points on three rings, and of the middle, are there, in the range asked for, and differ by no
     more than the limit; the plane that fits them best is no steeper than the limit. Each lies on
-    the tile as a whole. Places that are not found are NaN.
+    the tile as a whole, with nothing over it. Places that are not found are NaN.
 
     Args:
         spec: spec of the tiles.
@@ -157,6 +157,12 @@ def _level_heights(terrain: Terrain, patch: PatchSpec, places: Floats, base: Flo
 
 
 def _heights(terrain: Terrain, places: Floats, x: Floats, y: Floats) -> Floats:
-    """Heights at points around places: the shape of the places, and one axis of points more."""
-    heights: Floats = terrain.height(places[..., :1] + x, places[..., 1:] + y)
+    """Heights at points around places, NaN under or on what hangs over other ground.
+
+    The result has the shape of the places, and one axis of points more.
+    """
+    x, y = places[..., :1] + x, places[..., 1:] + y
+    heights: Floats = terrain.height(x, y)
+    if terrain.storeys is not None:
+        heights[heights > terrain.ground(x, y)] = np.nan
     return heights

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from terratool.authoring.curriculum.placed import placed_terrain
 from terratool.authoring.curriculum.shapes import (
     DIGITS,
     MM,
@@ -30,16 +31,20 @@ from terratool.authoring.curriculum.shapes import (
     outside,
     pyramid_slope,
     ratio_within,
+    rectangle_within,
     relief,
     square,
     stairs,
 )
+from terratool.definition.curriculum import TILE_OF_A_FILE
 from terratool.definition.tile_spec import KindSpec
 
 PIXEL = 100
 """Pixel by which obstacles are placed, mm: the generators' horizontal scale."""
 _STAR_PIXEL = 50
 """Pixel of the raster that a star is drawn by, mm."""
+_BYTES = 16
+"""Fewest bytes of an element, or of a number, in the text of a terrain."""
 _TRIES = 50
 """Random places tried for an object before it is left out, as each place must be free."""
 _RINGS = 0.6
@@ -111,11 +116,15 @@ class Tile:
         element: members of the element without its place; empty for level ground.
         parts: parts that the element needs, by name.
         primitives: primitives that the element needs, by name.
+        surfaces: surfaces that the element needs, by name.
+        ignored: codes of warnings that are not wanted in these.
     """
 
     element: Members = field(default_factory=dict)
     parts: Mapping[str, Members] = field(default_factory=dict)
     primitives: Mapping[str, Members] = field(default_factory=dict)
+    surfaces: Mapping[str, Members] = field(default_factory=dict)
+    ignored: tuple[str, ...] = ()
 
 
 def _shared_part_tile(plot: Plot, part: Members, factor: float) -> Tile:
@@ -266,6 +275,16 @@ def _gap(plot: Plot) -> Tile:
         return Tile()
     gap = frame(outer, inner.x - outer.x, -depth)
     lines = hole_lines(plan for plan, _ in gap) if void else box_lines(gap)
+    return _own_part_tile(plot, level_ground(plot.plan, lines))
+
+
+def _floating_ring(plot: Plot) -> Tile:
+    low, high = plot.spec.range("ringHeight")
+    room = high - plot.difficulty * (high - low)
+    thickness, width = round(plot.spec.number("thickness"), DIGITS), mm(plot.at("ringWidth"))
+    outer = plot.platform.inset(-width)
+    boxes = frame(outer, width, room + thickness)
+    lines = box_lines(boxes, deck=f'{{ "thickness": {thickness:g} }}')
     return _own_part_tile(plot, level_ground(plot.plan, lines))
 
 
@@ -426,6 +445,29 @@ def _disc_places(plot: Plot, count: int, radius: int) -> list[tuple[int, int]]:
     return [(int(x), int(y)) for x, y in found[:placed]]
 
 
+# --- terrains of a user's own -------------------------------------------------------------------
+
+
+def _definition(plot: Plot) -> Tile:
+    terrain, kind = plot.spec.terrain, plot.spec.name
+    assert terrain is not None
+    # what difficulty changes by a factor alone is one part for all tiles
+    difficulty = round(plot.difficulty, DIGITS) if terrain.values else None
+    name = kind if difficulty is None else f"{kind}, {difficulty:g}"
+    placed = placed_terrain(terrain, difficulty or 0.0, kind, name)
+    own = f"{name}: terrain"
+    middle = rectangle_within(plot.plan, *map(mm, placed.size))
+    child = {**middle.place, "part": own}
+    parts = {own: placed.root, **placed.parts, name: level_ground(plot.plan, [child])}
+    if middle == plot.plan:
+        parts = {name: placed.root, **placed.parts}
+    element: Members = {"part": name}
+    factor = round(plot.at("vScale"), DIGITS)
+    if factor != 1.0:
+        element["vScale"] = factor
+    return Tile(element, parts, placed.primitives, placed.surfaces, placed.ignored)
+
+
 MAKERS: dict[str, Callable[[Plot], Tile]] = {
     "flat": lambda _: Tile(),
     "pyramidSlope": _pyramid_slope,
@@ -440,10 +482,12 @@ MAKERS: dict[str, Callable[[Plot], Tile]] = {
     "pit": lambda plot: _levels(plot, -plot.at("depth")),
     "box": lambda plot: _levels(plot, plot.at("height")),
     "rails": _rails,
+    "floatingRing": _floating_ring,
     "star": _star,
     "repeatedBoxes": _repeated_objects,
     "repeatedPyramids": _repeated_objects,
     "repeatedCylinders": _repeated_objects,
+    TILE_OF_A_FILE: _definition,
 }
 """Function that makes a tile, by the name of the kind."""
 
@@ -466,5 +510,7 @@ def pieces(spec: KindSpec, plan: TileRectangle) -> int:
             return (plan.h // _STAR_PIXEL) * 2 * int(spec.number("bars") + 1)
         case "repeatedBoxes" | "repeatedPyramids" | "repeatedCylinders":
             return int(spec.range("count")[1])
+        case "definition" if spec.terrain is not None and spec.terrain.values:
+            return len(spec.terrain.source.data) // _BYTES
         case _:
             return 20

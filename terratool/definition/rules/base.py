@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import cached_property
 from inspect import cleandoc
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from msgspec import UNSET, Struct, UnsetType
 
@@ -23,6 +23,9 @@ from terratool.definition.tree import Tree
 from terratool.definition.uses import Uses
 from terratool.definition.vehicle import AxleText, VehicleText, WheelsText, WheelText
 from terratool.errors import ReadError
+
+if TYPE_CHECKING:
+    from terratool.definition.tile_files import TileProblem, TileSource
 
 
 class _Subject(Struct, frozen=True, dict=True, kw_only=True):
@@ -272,9 +275,11 @@ class CurriculumSubject(_Subject, frozen=True, kw_only=True):
 
     Attributes:
         curriculum: model without the values that did not fit.
+        tiles: terrains that tiles are made of, or what is wrong with them, by names of kinds.
     """
 
     curriculum: CurriculumText
+    tiles: Mapping[str, TileSource | list[TileProblem]] = {}
 
 
 def faces_of(tree: Tree) -> Iterator[tuple[int, str, str]]:

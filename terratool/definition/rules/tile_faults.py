@@ -7,10 +7,18 @@ from collections.abc import Iterable, Iterator
 
 from msgspec import UNSET
 
-from terratool.definition.curriculum import CURRICULUM_KEYS, MAX_TILES, CurriculumText
+from terratool.definition.curriculum import (
+    CURRICULUM_KEYS,
+    MAX_TILES,
+    TILE_OF_A_FILE,
+    CurriculumText,
+    TileText,
+)
 from terratool.definition.findings import Remark
+from terratool.definition.keys import KEYS
 from terratool.definition.model import Pair, pair_of
 from terratool.definition.rules.base import CurriculumSubject
+from terratool.definition.tile_files import formula_problem
 from terratool.definition.tile_kinds import KINDS
 from terratool.definition.tile_spec import KindSpec
 from terratool.report.wording import join_words
@@ -21,6 +29,10 @@ RESERVED = ("ground", "level", "pyramid", "column", "floor", "hole")
 """Names of primitives and surfaces that definitions of tiles have themselves."""
 NAME = r"\w(?:[\w .-]{0,58}\w)?"
 """Pattern of the names of kinds of tiles and of level places."""
+_AROUND = {
+    "gap": "gapWidth", "rails": "thickness", "star": "width", "floatingRing": "ringWidth",
+}  # fmt: skip
+"""Range of a width that kinds of tiles have on each side of their platform."""
 _DIGITS = 3
 """Decimals of a side of a tile in m."""
 
@@ -113,8 +125,11 @@ def _kinds(subject: CurriculumSubject, sides: Pair | None) -> Iterator[Remark]:
             if tile.kind is not UNSET:
                 yield Remark(f"{pointer}/kind", *_unknown_kind(tile.kind))
             continue
-        ends = list(_reversed_ranges(pointer, tile.values.items()))
+        keys = KEYS[tile.kind]
+        ranges = [(key, one) for key, one in tile.values.items() if not keys[key].alone]
+        ends = list(_reversed_ranges(pointer, ranges))
         yield from ends
+        yield from _of_a_file(subject, name, tile, pointer)
         kind = KindSpec.of(name, tile)
         total += kind.proportion
         known = known and not subject.left_out(pointer, "proportion")
@@ -124,6 +139,21 @@ def _kinds(subject: CurriculumSubject, sides: Pair | None) -> Iterator[Remark]:
                 yield Remark(f"{pointer}/{key}", message, hint)
     if known and subject.curriculum.kinds and not total > 0.0:
         yield Remark("/kinds", "all proportions are 0.", "Give one of them more.")
+
+
+def _of_a_file(
+    subject: CurriculumSubject, name: str, tile: TileText, pointer: str
+) -> Iterator[Remark]:
+    """Yield remarks on a kind of tiles that is made of a file."""
+    if tile.kind != TILE_OF_A_FILE:
+        return
+    factor = tile.values.get("vScale", 1.0)
+    assert isinstance(factor, float | str)
+    if wrong := formula_problem(factor):
+        yield Remark(f"{pointer}/vScale", *wrong)
+    found = subject.tiles.get(name, ())
+    for rest, message, hint in found if isinstance(found, list) else ():
+        yield Remark(pointer + rest, message, hint)
 
 
 def _unknown_kind(kind: str) -> tuple[str, str]:
@@ -150,7 +180,7 @@ def misfits(kind: KindSpec, tile: Pair) -> Iterator[tuple[str, str, str]]:
     side = min(tile)
     has = kind.values
     lengths = {key: kind.number(key) for key in ("platform", "border") if key in has}
-    around = {"gap": "gapWidth", "rails": "thickness", "star": "width"}.get(kind.kind)
+    around = _AROUND.get(kind.kind)
     if around:
         lengths[around] = kind.range(around)[1]
     platform = lengths.get("platform", 0.0)
