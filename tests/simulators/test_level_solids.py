@@ -88,6 +88,15 @@ def test_what_is_no_circle_is_no_cylinder(extent: list[float], found: int) -> No
     assert sum(one.is_round for one in scene.level_solids) == found
 
 
+def test_an_oval_pit_is_no_cylinder() -> None:
+    """Its floor is a box, which goes on under what is around it."""
+    oval = {**ROUND_PIT, "extent": [1.4, 1.2]}
+    scene = scene_of(yard(oval))
+    [floor] = [one for one in scene.level_solids if one.top < 0]
+    assert not floor.is_round and floor.half == pytest.approx((0.7, 0.6), abs=0.01)
+    assert check_covers(scene, scene.level_solids, 300) > 200
+
+
 def test_an_octagon_is_no_cylinder() -> None:
     """Two squares, one turned by 45 degrees, on a pedestal: level, and not round."""
     square = thing("block", [3, 2], [1, 1], vScale=0.5)
@@ -165,7 +174,7 @@ def height_in(triangle: np.ndarray, point: np.ndarray) -> float:
     return float(origin[2] + u * a[2] + v * b[2])
 
 
-def test_primitives_and_faces_cover_all_once() -> None:
+def test_solids_and_faces_cover_all_once() -> None:
     scene = scene_of(EVERYTHING)
     assert check_covers(scene, scene.level_solids, 800) > 500
 
@@ -211,6 +220,17 @@ def test_walls_go_with_their_boxes() -> None:
     left = uncovered(*of(scene_of(yard(CRATE, RAMP))), ERROR)
     walls = left.vertices[left.faces[left.walls]]
     assert len(walls) and walls[:, :, 0].min() > 3.4  # of the ramp alone
+
+
+def test_walls_above_a_box_stay() -> None:
+    """Those of a slope that begins at the top of a crate beside it."""
+    crate = thing("block", [3, 2], [1, 1.2], vScale=0.3)
+    slope = thing("rise", [4, 2], [1, 1], vScale=0.3, vOffset=0.5)
+    left = uncovered(*of(scene_of(yard(crate, slope))), ERROR)
+    walls = left.vertices[left.faces[left.walls]]
+    between = walls[(np.abs(walls[:, :, 0] - 3.5) < 1e-6).all(axis=1)]
+    assert len(between) and between[:, :, 2].min() == pytest.approx(0.5)
+    assert between[:, :, 2].max() == pytest.approx(0.7)
 
 
 def of(scene: Scene) -> tuple[Mesh, list[LevelSolid]]:
