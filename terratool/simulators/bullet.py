@@ -65,6 +65,7 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
             "PyBullet multiplies the friction of two bodies: give lateralFriction 1 to bodies that"
             " the friction of the ground alone is to act on (theirs is 0.5 by default).",
             *(_HOLLOW,) * bool(contacts.faces),
+            *contacts.losses,
         ),
         facts={
             "links": [surface.name for surface in contacts.surfaces],

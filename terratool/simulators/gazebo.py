@@ -97,10 +97,11 @@ def _add_meshes(scene: Scene, link: ET.Element, folder: Path) -> WrittenFiles:
 
 
 def _mesh_losses(contacts: Contacts) -> Iterator[str]:
-    """Yield a sentence on the friction of meshes, if any collide."""
+    """Yield sentences on meshes that collide, if there are any."""
     if contacts.faces:
         part = f" ({never_quite(contacts.meshed)} of the ground, and walls)" * contacts.reduced
         yield _UNREAD.format(f"meshes{part}")
+    yield from contacts.losses
 
 
 def _add_collision(link: ET.Element, name: str, pose: str, one: Material) -> ET.Element:

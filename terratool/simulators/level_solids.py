@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-_MOST = 2_000
+MOST_SOLIDS = 2_000
 """Most boxes and cylinders: simulators take long to load more."""
 _LEVEL = 1e-6
 """Largest difference of heights of level ground, units of the terrain."""
@@ -124,9 +124,9 @@ def level_solids_of(ground: Mesh, parts: StackParts | None, error: float) -> lis
         new = list(region.solids(space))
         same += new
         found += new
-        if len(found) >= _MOST:
+        if len(found) >= MOST_SOLIDS:
             break
-    return found[:_MOST]
+    return found[:MOST_SOLIDS]
 
 
 class _LevelFaces(NamedTuple):

@@ -20,7 +20,7 @@ from terratool.mesh.formats.common import (
 from terratool.mesh.formats.obj import write_obj
 from terratool.mesh.types import CornerNormals, Mesh
 from terratool.report.wording import count_of, join_words
-from terratool.simulators.level_solids import LevelSolid
+from terratool.simulators.level_solids import MOST_SOLIDS, LevelSolid
 from terratool.simulators.naming import ContactNames
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.uncovered import uncovered
@@ -31,6 +31,10 @@ _SOLIDS = (
     "Level ground and level decks collide as boxes and cylinders, with the friction of their"
     f" surface. What is left of a mesh then is in the folder `{CONTACTS}`; what is seen is the"
     " whole of it. Boxes may go on under higher ground."
+)
+_FULL = (
+    f"There are {MOST_SOLIDS:,} boxes and cylinders at most, for the largest level ground; the"
+    " rest of it is left to meshes."
 )
 
 
@@ -119,6 +123,11 @@ class Contacts(NamedTuple):
     def facts(self) -> dict[str, object]:
         """Figures for programs."""
         return {"boxes": self.boxes, "cylinders": self.cylinders, "meshed": self.meshed}
+
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """Sentence on level ground that is left to meshes; none where no more was to be had."""
+        return (_FULL,) * (self.boxes + self.cylinders >= MOST_SOLIDS)
 
     @property
     def note(self) -> tuple[str, ...]:

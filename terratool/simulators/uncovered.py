@@ -37,7 +37,7 @@ def uncovered(mesh: Mesh, solids: list[LevelSolid], error: float) -> Mesh:
     corners = mesh.vertices[mesh.faces]
     gone = np.zeros(len(mesh.faces), np.bool_)
     walls = np.flatnonzero(mesh.walls)
-    gone[walls] = covers.hold_walls(corners[walls], mesh.surfaces[walls])
+    gone[walls] = covers.hold_walls(corners[walls])
     level = np.flatnonzero(~mesh.walls & (np.ptp(corners[:, :, 2], axis=1) <= covers.near))
     whole, left = covers.cut_level(corners[level], mesh.surfaces[level])
     gone[level[whole]] = True
@@ -58,7 +58,7 @@ class _AddedFaces:
 
 
 class _Covers:
-    """Primitives that cover faces."""
+    """Boxes and cylinders that cover faces."""
 
     def __init__(self, solids: list[LevelSolid], error: float) -> None:
         self.near, self._error = NEAR * error, error
@@ -72,7 +72,7 @@ class _Covers:
         self._round = np.array([one.is_round for one in solids])
         self._rings = np.array([one.corners() for one in solids])
 
-    def hold_walls(self, corners: Floats, surfaces: Ints) -> Bools:
+    def hold_walls(self, corners: Floats) -> Bools:
         """Whether upright faces, (n, 3, 3), lie in sides of solids, (n,)."""
         found = np.zeros(len(corners), np.bool_)
         if not len(corners):
@@ -91,7 +91,6 @@ class _Covers:
             fits = (span[face, 0] >= self._spans[one, 0] - self.near) & (
                 span[face, 1] <= self._spans[one, 1] + self.near
             )
-            fits &= surfaces[face] == self._surfaces[one]
             return face[fits], side[fits]
 
         own = np.flatnonzero(~self._round)

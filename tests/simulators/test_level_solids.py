@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from terratool.simulators.scene import Scene
 from terratool.simulators.uncovered import uncovered
 from tests.conftest import terrain_of
 from tests.meshes import ROUND, SITE, STRAIGHT, SURFACES, random_definition
+from tests.simulators.checks import written
 from tests.simulators.storeyed import thing
 
 ERROR = 0.002
@@ -88,6 +90,15 @@ def test_what_is_no_circle_is_no_cylinder(extent: list[float], found: int) -> No
     assert sum(one.is_round for one in scene.level_solids) == found
 
 
+def test_an_oval_pit_is_no_cylinder() -> None:
+    """Its floor is a box, which goes on under what is around it."""
+    oval = {**ROUND_PIT, "extent": [1.4, 1.2]}
+    scene = scene_of(yard(oval))
+    [floor] = [one for one in scene.level_solids if one.top < 0]
+    assert not floor.is_round and floor.half == pytest.approx((0.7, 0.6), abs=0.01)
+    assert check_covers(scene, scene.level_solids, 300) > 200
+
+
 def test_an_octagon_is_no_cylinder() -> None:
     """Two squares, one turned by 45 degrees, on a pedestal: level, and not round."""
     square = thing("block", [3, 2], [1, 1], vScale=0.5)
@@ -117,12 +128,21 @@ def test_a_slope_has_none() -> None:
     assert scene_of(yard(type="rise", vScale=1)).level_solids == []
 
 
-def test_there_are_no_more_than_simulators_take(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("terratool.simulators.level_solids._MOST", 2)
+def test_there_are_no_more_than_simulators_take(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And the losses say so."""
+    said = "boxes and cylinders at most"
+    _, _, manifest = written(terrain_of(EVERYTHING), tmp_path / "all", "pybullet")
+    assert said not in " ".join(manifest["losses"])
+    for module in ("level_solids", "pieces"):
+        monkeypatch.setattr(f"terratool.simulators.{module}.MOST_SOLIDS", 2)
     scene = scene_of(EVERYTHING)
-    areas = [math.prod(one.half) for one in scene.level_solids]
-    assert len(areas) == 2
+    assert len(scene.level_solids) == 2
     check_covers(scene, scene.level_solids, 300)
+    for target in ("pybullet", "gazebo"):
+        _, _, manifest = written(terrain_of(EVERYTHING), tmp_path / "few", target)
+        assert said in " ".join(manifest["losses"]) and manifest["boxes"] == 2
 
 
 def check_covers(scene: Scene, solids: list[LevelSolid], count: int) -> int:
@@ -165,9 +185,9 @@ def height_in(triangle: np.ndarray, point: np.ndarray) -> float:
     return float(origin[2] + u * a[2] + v * b[2])
 
 
-def test_primitives_and_faces_cover_all_once() -> None:
+def test_solids_and_faces_cover_all_once() -> None:
     scene = scene_of(EVERYTHING)
-    assert check_covers(scene, scene.level_solids, 800) > 500
+    assert check_covers(scene, scene.level_solids, 400) > 250
 
 
 def spoilt(scene: Scene, how: str) -> list[LevelSolid]:
@@ -211,6 +231,17 @@ def test_walls_go_with_their_boxes() -> None:
     left = uncovered(*of(scene_of(yard(CRATE, RAMP))), ERROR)
     walls = left.vertices[left.faces[left.walls]]
     assert len(walls) and walls[:, :, 0].min() > 3.4  # of the ramp alone
+
+
+def test_walls_above_a_box_stay() -> None:
+    """Those of a slope that begins at the top of a crate beside it."""
+    crate = thing("block", [3, 2], [1, 1.2], vScale=0.3)
+    slope = thing("rise", [4, 2], [1, 1], vScale=0.3, vOffset=0.5)
+    left = uncovered(*of(scene_of(yard(crate, slope))), ERROR)
+    walls = left.vertices[left.faces[left.walls]]
+    between = walls[(np.abs(walls[:, :, 0] - 3.5) < 1e-6).all(axis=1)]
+    assert len(between) and between[:, :, 2].min() == pytest.approx(0.5)
+    assert between[:, :, 2].max() == pytest.approx(0.7)
 
 
 def of(scene: Scene) -> tuple[Mesh, list[LevelSolid]]:
