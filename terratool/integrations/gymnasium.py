@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import mujoco
+from typing import TYPE_CHECKING, Any
 
 from terratool.api.terrain import UserTerrain
+
+if TYPE_CHECKING:
+    import mujoco
 
 
 def on_terrain(env: type, terrain: UserTerrain, *, floor: str = "floor", **options: Any) -> type:
@@ -29,6 +30,7 @@ def on_terrain(env: type, terrain: UserTerrain, *, floor: str = "floor", **optio
         RequestError: an option makes no sense, or there is no ground.
     """
     spec = terrain.to_mjspec(**options)
+    import mujoco  # which to_mjspec wants, and says so
 
     def initialize(self: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:
         robot = mujoco.MjSpec.from_file(self.fullpath)

@@ -25,10 +25,10 @@ def test_an_ant_of_the_composer_stands_on_its_tile() -> None:
     from dm_control import composer, mjcf
     from dm_control.locomotion.walkers.ant import Ant
 
-    from terratool.integrations.dm_control import TerrainArena
+    from terratool.integrations.dm_control import terrain_arena
 
     made = terratool.curriculum(SPEC)
-    arena = TerrainArena(terratool.load(made.text), max_error=0.01)
+    arena = terrain_arena(terratool.load(made.text), max_error=0.01)
     walker = Ant()
     arena.add_free_entity(walker)
     physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
