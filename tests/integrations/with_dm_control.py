@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 import terratool
+from tests.integrations.pages import run_section
 
 SPEC: dict[str, Any] = {
     "rows": 2,
@@ -77,3 +78,7 @@ def test_the_walker_of_the_suite_falls_on_the_ground() -> None:
     torso = physics.named.data.xpos["torso"]
     assert 0.0 < torso[2] < 0.5
     assert np.abs(physics.data.qvel).max() < 0.5
+
+
+def test_the_examples_of_the_page_run() -> None:
+    run_section("dm_control")
