@@ -5,7 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from typing import TYPE_CHECKING, Any
 
-from terratool.api.terrain import UserTerrain
+import terratool
 
 if TYPE_CHECKING:
     from dm_control import composer
@@ -14,7 +14,9 @@ _NAMES = ("name", "class", "mesh", "hfield", "material")
 """Attributes of MJCF that hold names of the terrain's own."""
 
 
-def terrain_arena(terrain: UserTerrain, name: str = "arena", **options: Any) -> composer.Arena:
+def terrain_arena(
+    terrain: terratool.Terrain, name: str = "arena", **options: Any
+) -> composer.Arena:
     """Arena of dm_control's composer that is a terrain; entities are attached to it as to others.
 
     Its geoms are those of `Terrain.to_mjspec`, in a body `terrain`, with ":" in place of "/" in

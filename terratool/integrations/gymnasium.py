@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from terratool.api.terrain import UserTerrain
+import terratool
 
 if TYPE_CHECKING:
     import mujoco
 
 
-def on_terrain(env: type, terrain: UserTerrain, *, floor: str = "floor", **options: Any) -> type:
+def on_terrain(
+    env: type, terrain: terratool.Terrain, *, floor: str = "floor", **options: Any
+) -> type:
     """Class of an environment whose robot stands on a terrain rather than on its floor.
 
     Robots begin where their model has them, above 0, 0, 0: so `origin` should be a point of the
