@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import mujoco
+import terratool
 
-from terratool.api.terrain import UserTerrain
+if TYPE_CHECKING:
+    import mujoco
 
 
-def on_terrain(env: type, terrain: UserTerrain, *, floor: str = "floor", **options: Any) -> type:
+def on_terrain(
+    env: type, terrain: terratool.Terrain, *, floor: str = "floor", **options: Any
+) -> type:
     """Class of an environment whose robot stands on a terrain rather than on its floor.
 
     Robots begin where their model has them, above 0, 0, 0: so `origin` should be a point of the
@@ -29,6 +32,7 @@ def on_terrain(env: type, terrain: UserTerrain, *, floor: str = "floor", **optio
         RequestError: an option makes no sense, or there is no ground.
     """
     spec = terrain.to_mjspec(**options)
+    import mujoco  # which to_mjspec wants, and says so
 
     def initialize(self: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:
         robot = mujoco.MjSpec.from_file(self.fullpath)

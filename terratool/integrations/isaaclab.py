@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,11 +28,15 @@ from terratool.integrations.tiles import (
     read_grid,
     without_gaps,
 )
+from terratool.mesh.as_trimesh import trimesh_of
+from terratool.mesh.export import MeshOptions
 
 if TYPE_CHECKING:
     import torch
     import trimesh
 
+MAX_ERROR = 0.01
+"""Default of the largest error of meshes, m: Isaac Lab has heights in steps of half of that."""
 COLOR_SCHEMES = ("height", "random", "none")
 
 
@@ -45,10 +50,9 @@ class TerrainGenerator:
     Attributes:
         cfg: the configuration.
         device: device of the level places.
-        max_error: largest distance, along z, of the mesh from the terrain, m; None for that of
-            `Terrain.to_mesh`. A subclass may have another one.
+        max_error: largest distance, along z, of the mesh from curved and from rough ground, m; what
+            is level or even is exact. A subclass may have another one.
         curriculum: the grid, with the kind and difficulty of each tile.
-        terrain: the terrain, for heights, normals and files of other simulators.
         terrain_mesh: mesh of the whole terrain in coordinates of the world, a `trimesh.Trimesh`.
         terrain_meshes: a list of the same mesh alone.
         terrain_origins: (rows, columns, 3) float64, where robots begin, m.
@@ -56,7 +60,7 @@ class TerrainGenerator:
             m. Tiles that ask for none have their origin there.
     """
 
-    max_error: float | None = None
+    max_error: float = MAX_ERROR
 
     def __init__(self, cfg: Any, device: str = "cpu") -> None:
         """Make the terrain that a configuration asks for.
@@ -107,11 +111,15 @@ class TerrainGenerator:
                 "Files of tiles begin at several folders.", "Name all of them from one folder."
             )
         self.curriculum: Curriculum = made_of(members, folders.pop())
-        self.terrain = terratool.load(self.curriculum.text)
         self.terrain_origins: Floats = self.curriculum.origins.copy()
         self.terrain_mesh: trimesh.Trimesh = _mesh_of(self)
         self.terrain_meshes = [self.terrain_mesh]
         self.flat_patches = patches.tensors(self.curriculum, device)
+
+    @cached_property
+    def terrain(self) -> terratool.Terrain:
+        """The terrain, for heights, normals and files of other simulators."""
+        return terratool.load(self.curriculum.text)
 
     def __str__(self) -> str:
         cfg = self.cfg
@@ -126,7 +134,8 @@ def _mesh_of(generator: TerrainGenerator) -> trimesh.Trimesh:
     """Mesh of the terrain, with colours as the configuration asks for."""
     import trimesh
 
-    mesh = generator.terrain.to_mesh(max_error=generator.max_error)
+    options = MeshOptions(max_error=generator.max_error)
+    mesh = trimesh_of(generator.curriculum.terrain, options)
     scheme = generator.cfg.color_scheme
     if scheme == "height":
         z = mesh.vertices[:, 2]
@@ -206,8 +215,7 @@ class TileCfg:
         size: sides of a tile, m; a generator sets it.
         flat_patch_sampling: level places by name, as Isaac Lab's `FlatPatchSamplingCfg`.
         folder: folder at which paths of files begin.
-        max_error: largest distance, along z, of the mesh from the terrain, m; None for that of
-            `Terrain.to_mesh`.
+        max_error: largest distance, along z, of the mesh from curved and from rough ground, m.
         difficulty: difficulty of the tile, which Isaac Lab's generator sets.
         seed: seed of the tile, which Isaac Lab's generator sets.
     """
@@ -217,7 +225,7 @@ class TileCfg:
     size: tuple[float, float] = (10.0, 10.0)
     flat_patch_sampling: dict[str, Any] | None = None
     folder: str = "."
-    max_error: float | None = None
+    max_error: float = MAX_ERROR
     difficulty: float = field(default=0.0, repr=False)
     seed: int | None = field(default=None, repr=False)
 
@@ -243,7 +251,7 @@ class TileCfg:
             "kinds": {"tile": dict(cfg.kind)},
         }
         made = made_of(members, cfg.folder)
-        mesh = terratool.load(made.text).to_mesh(max_error=cfg.max_error)
+        mesh = trimesh_of(made.terrain, MeshOptions(max_error=cfg.max_error))
         return [mesh], made.origins[0, 0].copy()
 
     def copy(self) -> TileCfg:

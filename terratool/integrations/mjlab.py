@@ -1,4 +1,7 @@
-"""Training tiles for mjlab: sub-terrains for its generator, by which its scenes make terrains."""
+"""Training tiles for mjlab: sub-terrains for its generator, by which its scenes make terrains.
+
+mjlab is imported where it is needed alone.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from mjlab.terrains import SubTerrainCfg, TerrainGeneratorCfg
-from mjlab.terrains.terrain_generator import TerrainGeometry, TerrainOutput
 
 import terratool
 from terratool.definition.model import MAX_SEED
@@ -17,22 +18,30 @@ from terratool.integrations.tiles import made_of, patch_members, read_grid, with
 
 if TYPE_CHECKING:
     import mujoco
+    from mjlab.terrains import TerrainGeneratorCfg
+    from mjlab.terrains.terrain_generator import TerrainOutput
 
 _BODY = "terrain"
 """Body that mjlab's generator makes for what sub-terrains add."""
 
 
 @dataclass(kw_only=True)
-class TileTerrainCfg(SubTerrainCfg):  # type: ignore[misc]
+class TileTerrainCfg:
     """Sub-terrain of one of terratool's kinds of tiles, for mjlab's `TerrainGeneratorCfg`.
 
     Attributes:
         kind: keys of the kind, as in `kinds` of a spec: `{"kind": "waves", "count": 4}`.
+        proportion: share of the robots, or of the tiles, beside those of the others.
+        size: sides of a tile, m; the generator sets it.
+        flat_patch_sampling: level places by name, as mjlab's `FlatPatchSamplingCfg`.
         folder: folder at which paths of files begin.
         options: options of `Terrain.to_mjspec`, such as `max_error` in m.
     """
 
     kind: dict[str, Any]
+    proportion: float = 1.0
+    size: tuple[float, float] = (10.0, 10.0)
+    flat_patch_sampling: dict[str, Any] | None = None
     folder: str = "."
     options: dict[str, Any] = field(default_factory=dict)
 
@@ -53,6 +62,8 @@ class TileTerrainCfg(SubTerrainCfg):  # type: ignore[misc]
             DefinitionError: a value makes no sense for its kind of tiles.
             RequestError: an option makes no sense, or no level place was found.
         """
+        from mjlab.terrains.terrain_generator import TerrainGeometry, TerrainOutput
+
         patches = self.flat_patch_sampling or {}
         names = {f"patches {n}": name for n, name in enumerate(patches)}
         members = {
@@ -112,7 +123,10 @@ def terrain_generator_cfg(
     Raises:
         ReadError: the file cannot be read.
         DefinitionError: the spec is not valid; `findings` has all that is wrong.
+        ImportError: there is no mjlab.
     """
+    from mjlab.terrains import TerrainGeneratorCfg
+
     grid = read_grid(spec)
     members = grid.members
     curriculum = members.get("curriculum", True)

@@ -24,6 +24,13 @@ class _Anything:
         return cls()
 
 
+def _attribute(name: str) -> type[_Anything]:
+    """Attribute of a module by its name."""
+    if name.startswith("__"):
+        raise AttributeError(name)
+    return _Anything
+
+
 def isaac_lab_terrains() -> Any:
     """The module `isaaclab.terrains`."""
     found = importlib.util.find_spec("isaaclab")
@@ -35,8 +42,9 @@ def isaac_lab_terrains() -> Any:
         module = sys.modules[name] = ModuleType(name)
         module.__path__ = [str(source.joinpath(*name.split(".")[1:]))]
     for name in _STUBS:
-        stub = sys.modules[name] = ModuleType(name)
-        stub.__getattr__ = lambda _: _Anything  # type: ignore[method-assign]
+        stub: Any = ModuleType(name)
+        stub.__getattr__ = _attribute
+        sys.modules[name] = stub
     utils: Any = sys.modules["isaaclab.utils"]
     utils.configclass = importlib.import_module("isaaclab.utils.configclass").configclass
     utils.class_to_dict = importlib.import_module("isaaclab.utils.dict").class_to_dict

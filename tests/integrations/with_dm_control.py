@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 import terratool
+from tests.integrations.pages import run_section
 
 SPEC: dict[str, Any] = {
     "rows": 2,
@@ -25,10 +26,10 @@ def test_an_ant_of_the_composer_stands_on_its_tile() -> None:
     from dm_control import composer, mjcf
     from dm_control.locomotion.walkers.ant import Ant
 
-    from terratool.integrations.dm_control import TerrainArena
+    from terratool.integrations.dm_control import terrain_arena
 
     made = terratool.curriculum(SPEC)
-    arena = TerrainArena(terratool.load(made.text), max_error=0.01)
+    arena = terrain_arena(terratool.load(made.text), max_error=0.01)
     walker = Ant()
     arena.add_free_entity(walker)
     physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
@@ -77,3 +78,7 @@ def test_the_walker_of_the_suite_falls_on_the_ground() -> None:
     torso = physics.named.data.xpos["torso"]
     assert 0.0 < torso[2] < 0.5
     assert np.abs(physics.data.qvel).max() < 0.5
+
+
+def test_the_examples_of_the_page_run() -> None:
+    run_section("dm_control")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import terratool
+from tests.integrations.pages import run_section
 
 
 def test_the_ant_stands_on_its_tile() -> None:
@@ -34,3 +35,7 @@ def test_the_ant_stands_on_its_tile() -> None:
     ground |= {env.model.geom(c.geom2).name for c in env.data.contact}
     assert any(name.startswith("ground/terrain/floor/") for name in ground)
     assert env.model.body_mass.sum() == pytest.approx(AntEnv().model.body_mass.sum())
+
+
+def test_the_examples_of_the_page_run() -> None:
+    run_section("Gymnasium")

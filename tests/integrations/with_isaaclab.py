@@ -9,6 +9,7 @@ import pytest
 
 from terratool.integrations.isaaclab import TerrainGenerator, TileCfg, terrain_generator_cfg
 from tests.integrations.lab import isaac_lab_terrains
+from tests.integrations.pages import run_section
 
 SIZE = (8.0, 8.0)
 DIFFICULTY = 0.43
@@ -145,3 +146,8 @@ def test_a_spec_is_a_configuration(lab: Any) -> None:
     made = cfg.class_type(cfg=cfg.copy(), device="cpu")
     assert made.flat_patches["spawn"].shape == (2, 5, 10, 3)
     assert made.curriculum.counts == {"hurdles": 4, "podium": 4, "floating ring": 2}
+
+
+@pytest.mark.usefixtures("lab")
+def test_the_examples_of_the_page_run() -> None:
+    run_section("Isaac Lab")

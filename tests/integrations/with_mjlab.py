@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.integrations.pages import run_section
+
 SPEC: dict[str, Any] = {
     "rows": 4,
     "columns": 5,
@@ -90,3 +92,7 @@ def test_a_robot_stands_for_forty_steps_in_its_training() -> None:
     height = env.scene["robot"].data.root_link_pos_w[:, 2] - env.scene.env_origins[:, 2]
     assert (height > 0.1).all() and (height < 0.4).all()
     assert torch.isfinite(env.scene["terrain_scan"].data.distances).all()
+
+
+def test_the_examples_of_the_page_run() -> None:
+    run_section("mjlab")
