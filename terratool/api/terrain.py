@@ -32,6 +32,7 @@ from terratool.errors import RequestError
 from terratool.field.terrain import SHARE_ABOVE
 from terratool.field.types import real_numbers
 from terratool.mesh.export import MeshOptions
+from terratool.mesh.origin import Origin
 from terratool.mesh.request import AnyMeshReport, MeshRequest, write_mesh_files
 from terratool.output import is_same_file
 from terratool.raster.dem import (
@@ -50,10 +51,10 @@ from terratool.sensing.poses import Poses, one_pose, read_poses
 from terratool.sensing.readings import Frame
 from terratool.sensing.scan import Scan, ScanOptions
 from terratool.sensing.sensor import Sensor, load_sensor
-from terratool.simulators.export import SimulatorReport, plan_export
+from terratool.simulators.export import SimulatorReport, plan_export, scene_of
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.options import refuse_idle as refuse_idle_targets
-from terratool.simulators.targets import choose_targets
+from terratool.simulators.targets import choose_targets, refuse_uninstalled
 from terratool.text.source import Source, refuse_name
 from terratool.traversability.compare import names_of, prepare
 from terratool.traversability.request import Request, RouteLine
@@ -87,6 +88,7 @@ from terratool.viewing.terrain_page import (
 if TYPE_CHECKING:
     import trimesh
     from matplotlib.figure import Figure
+    from pxr import Usd
 
 AnyVehicle = Vehicle | str | Path
 """A vehicle, or the path of its file."""
@@ -260,6 +262,27 @@ class UserTerrain(ShownTerrain):
         refuse_idle_targets(options.keys(), list(choose_targets(targets)))
         plan = plan_export(folder, targets, wanted, source=source, overwrite=overwrite)
         return plan.write(self)
+
+    @takes(SceneOptions, only=("max_error", "friction", "per_surface"))
+    def to_usd_stage(self, *, origin: Origin = "world", **options: Any) -> Usd.Stage:
+        """Stage of USD in memory, with what `export_sim` writes for the target "usd".
+
+        Points are near 0, and the root places them in the world, or where `origin` has it.
+
+        Args:
+            origin: zero of the stage: that of the world, the south-west corner, the middle, or a
+                point of the world.
+            **options: options of `SceneOptions`, by name.
+
+        Raises:
+            RequestError: there is no ground, an option makes no sense, or usd-core is missing.
+        """
+        from terratool.simulators.usd import stage_of
+
+        wanted = fill(SceneOptions, options, origin=origin)
+        wanted.check()
+        refuse_uninstalled(choose_targets(("usd",)))
+        return stage_of(scene_of(self, wanted, Path(self.name) if self.name else None))
 
     # --- pictures and pages -----------------------------------------------------------------------
 

@@ -76,11 +76,8 @@ class ExportPlan:
         self, terrain: Terrain, progress: Callable[[str], object] = lambda _: None
     ) -> tuple[SimulatorReport, ...]:
         """Write the files of a terrain; arguments and errors are those of `export_simulators`."""
-        terrain.refuse_degrees("A simulator")
         source = self.source
-        stem = "terrain" if source is None else source.stem
-        [name] = plain_names([stem], _fits_name, "terrain")
-        scene = Scene(terrain.written_out, name, self.options, progress, self.judge)
+        scene = replace(scene_of(terrain, self.options, source), say=progress, judge=self.judge)
         for target in self.targets.values():
             target.check(scene)
         reports = []
@@ -122,6 +119,18 @@ def plan_export(
     refuse_uninstalled(wanted)
     _check_folders(folder, tuple(wanted), overwrite)
     return ExportPlan(folder, wanted, options, judge, source)
+
+
+def scene_of(terrain: Terrain, options: SceneOptions, source: Path | None = None) -> Scene:
+    """Return the scene of a terrain, named after the file of its definition.
+
+    Raises:
+        RequestError: the terrain is in degrees.
+    """
+    terrain.refuse_degrees("A simulator")
+    stem = "terrain" if source is None else source.stem
+    [name] = plain_names([stem], _fits_name, "terrain")
+    return Scene(terrain.written_out, name, options)
 
 
 def export_simulators(

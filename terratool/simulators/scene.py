@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import numpy as np
 from msgspec import UNSET
 
 from terratool.cluster import Crew, Threads
@@ -195,6 +196,11 @@ class Scene:
         """Faces of the mesh by surface, those of no surface last."""
         return surface_parts(self.mesh)
 
+    def _meshed_surfaces(self) -> list[int]:
+        """Return the surfaces of the mesh's faces, none at all (-1) last."""
+        found = np.unique(self.built_mesh.mesh.surfaces).tolist()
+        return sorted(found, key=lambda surface: (surface < 0, surface))
+
     def cells(self) -> Grid:
         """Return the cells of a map for navigation, which the vehicle, if there is one, can judge.
 
@@ -265,7 +271,7 @@ class Scene:
         Ground without a surface is last, if there is any.
         """
         if meshed:
-            return [self.material(part.surface) for part in self.parts]
+            return [self.material(index) for index in self._meshed_surfaces()]
         terrain, arrays = self.terrain, self.terrain.arrays
         worn = set(arrays.worn.tolist())
         worn.discard(-1)  # tracks that leave the ground its own surface
