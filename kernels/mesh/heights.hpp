@@ -57,6 +57,21 @@ INLINE PiecePlace piece_at(const Plan& plan, const CurveAt& curve, i64 group, do
     return {i, s};
 }
 
+// Begin and end of a straight piece of a curve in t, value at the begin and slope.
+struct StraightPiece {
+    double begin, end, value, slope;
+};
+
+inline StraightPiece straight_piece(const Plan& plan, const CurveAt& curve, i64 i) {
+    const Curves& curves = plan.field->curves;
+    auto [value, slope, _, __] = piece_of(curves, curve, i);
+    if (curve.knotted) {
+        i64 knot = curve.knot + i;
+        return {curves.knots[knot], min(curves.knots[knot + 1], 1.0), value, slope};
+    }
+    return {double(i) / curve.count, double(i + 1) / curve.count, value, slope * curve.count};
+}
+
 // `t` within a group; what is nearer than `near_end` to one of its ends is there.
 INLINE double clamp_to_group(const Plan& plan, i64 group, double t, double near_end) {
     const Group& limits = plan.groups[group];

@@ -211,21 +211,6 @@ INLINE BetweenLines between_lines(const Plan& plan, const Axis& axis, double wei
     return at;
 }
 
-// Begin and end of a straight piece of a curve in t, value at the begin and slope.
-struct StraightPiece {
-    double begin, end, value, slope;
-};
-
-inline StraightPiece straight_piece(const Plan& plan, const CurveAt& curve, i64 i) {
-    const Curves& curves = plan.field->curves;
-    auto [value, slope, _, __] = piece_of(curves, curve, i);
-    if (curve.knotted) {
-        i64 knot = curve.knot + i;
-        return {curves.knots[knot], min(curves.knots[knot + 1], 1.0), value, slope};
-    }
-    return {double(i) / curve.count, double(i + 1) / curve.count, value, slope * curve.count};
-}
-
 // Number of the pieces of a curve, one of no length at the end not counted.
 inline i64 count_pieces(const Plan& plan, const CurveAt& curve) {
     if (!curve.knotted) return i64(curve.count);
