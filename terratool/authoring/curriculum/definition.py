@@ -144,8 +144,6 @@ def _document(spec: Spec, contents: _Contents) -> Members:
         f"seed {spec.seed}"
     )
     document: Members = {"descr": descr, "size": whole, "surfTypes": surfaces}
-    if any("x-ignore" not in p for p in contents.primitives.values() if _exceeds(p)):
-        document["x-ignore"] = ["TT306"]
     origin = [round(side - spec.border, 6) for side in spec.origin]
     if any(origin):
         document["origin"] = origin
@@ -153,14 +151,6 @@ def _document(spec: Spec, contents: _Contents) -> Members:
     if contents.parts:
         document["parts"] = contents.parts
     return {**document, "elemTree": root}
-
-
-def _exceeds(primitive: Mapping[str, Any]) -> bool:
-    """Whether a curve leaves the range from 0 to 1, as that of random heights does."""
-    curve = primitive["x"]
-    if isinstance(curve, TextLines):
-        return any(number not in ("0", "1") for row in curve.items for number in row.split(", "))
-    return isinstance(curve, list) and any(isinstance(z, int) and z > 1 for z in curve)
 
 
 def _values_of(element: Mapping[str, Any], key: str) -> set[str]:
