@@ -1,4 +1,5 @@
-// Triangles for a cell over which heights are bilinear, such as that between four heights of a grid.
+// Triangles for a cell over which heights are bilinear, such as that between four heights of a
+// grid.
 //
 // Over a cell with sides s and t such heights are a plane and a multiple of s t, and what an edge
 // misses is largest in its middle: that multiple times a quarter of |Δs Δt|. Along the sides of the
@@ -15,10 +16,11 @@
 namespace terratool::mesh {
 
 struct CellPattern {
-    std::vector<UV> points;                      // the corners first, counter-clockwise
-    std::vector<std::array<i32, 3>> triangles;   // counter-clockwise
-    std::vector<std::array<i32, 3>> neighbours;  // beyond each edge, -1 - k beyond side k of the cell
-    double reach = 0.0;                          // the largest |Δs Δt| of an edge
+    std::vector<UV> points;                     // the corners first, counter-clockwise
+    std::vector<std::array<i32, 3>> triangles;  // counter-clockwise
+    std::vector<std::array<i32, 3>>
+        neighbours;      // beyond each edge, -1 - k beyond side k of the cell
+    double reach = 0.0;  // the largest |Δs Δt| of an edge
 
     CellPattern(std::vector<UV> inner, std::vector<std::array<i32, 3>> all)
         : points{{0.0, 0.0}, {1.0, 0.0}, {1.0, 1.0}, {0.0, 1.0}}, triangles(std::move(all)) {
@@ -49,11 +51,74 @@ private:
 inline const CellPattern* pattern_within(double reach) {
     static const std::vector<CellPattern> patterns{
         CellPattern({{0.5, 0.5}}, {{0, 1, 4}, {0, 4, 3}, {1, 2, 4}, {2, 3, 4}}),
-        CellPattern({{0.7236, 0.7236}, {0.2764, 0.2764}}, {{0, 1, 5}, {0, 5, 3}, {1, 2, 4}, {1, 4, 5}, {2, 3, 4}, {3, 5, 4}}),
-        CellPattern({{0.3969, 0.7696}, {0.7697, 0.3968}, {0.1667, 0.1665}}, {{0, 1, 6}, {0, 6, 3}, {1, 2, 5}, {1, 5, 6}, {2, 3, 4}, {2, 4, 5}, {3, 6, 4}, {4, 6, 5}}),
-        CellPattern({{0.191, 0.5}, {0.809, 0.5}, {0.5, 0.191}, {0.5, 0.809}}, {{0, 1, 6}, {0, 4, 3}, {0, 6, 4}, {1, 2, 5}, {1, 5, 6}, {2, 3, 7}, {2, 7, 5}, {3, 4, 7}, {4, 5, 7}, {4, 6, 5}}),
-        CellPattern({{0.2738, 0.8997}, {0.366, 0.1139}, {0.5159, 0.5996}, {0.7575, 0.299}, {0.9073, 0.7859}, {0.125, 0.4168}}, {{0, 1, 5}, {0, 5, 9}, {0, 9, 3}, {1, 2, 8}, {1, 7, 5}, {1, 8, 7}, {2, 3, 4}, {2, 4, 8}, {3, 9, 4}, {4, 6, 8}, {4, 9, 6}, {5, 6, 9}, {5, 7, 6}, {6, 7, 8}}),
-        CellPattern({{0.904, 0.3455}, {0.0961, 0.6541}, {0.3474, 0.9041}, {0.2488, 0.2496}, {0.7496, 0.7513}, {0.6517, 0.096}, {0.4997, 0.5004}}, {{0, 1, 9}, {0, 5, 3}, {0, 7, 5}, {0, 9, 7}, {1, 2, 4}, {1, 4, 9}, {2, 3, 6}, {2, 6, 8}, {2, 8, 4}, {3, 5, 6}, {4, 8, 10}, {4, 10, 9}, {5, 7, 10}, {5, 10, 6}, {6, 10, 8}, {7, 9, 10}}),
+        CellPattern(
+            {{0.7236, 0.7236}, {0.2764, 0.2764}},
+            {{0, 1, 5}, {0, 5, 3}, {1, 2, 4}, {1, 4, 5}, {2, 3, 4}, {3, 5, 4}}
+        ),
+        CellPattern(
+            {{0.3969, 0.7696}, {0.7697, 0.3968}, {0.1667, 0.1665}},
+            {{0, 1, 6}, {0, 6, 3}, {1, 2, 5}, {1, 5, 6}, {2, 3, 4}, {2, 4, 5}, {3, 6, 4}, {4, 6, 5}}
+        ),
+        CellPattern(
+            {{0.191, 0.5}, {0.809, 0.5}, {0.5, 0.191}, {0.5, 0.809}},
+            {{0, 1, 6},
+             {0, 4, 3},
+             {0, 6, 4},
+             {1, 2, 5},
+             {1, 5, 6},
+             {2, 3, 7},
+             {2, 7, 5},
+             {3, 4, 7},
+             {4, 5, 7},
+             {4, 6, 5}}
+        ),
+        CellPattern(
+            {{0.2738, 0.8997},
+             {0.366, 0.1139},
+             {0.5159, 0.5996},
+             {0.7575, 0.299},
+             {0.9073, 0.7859},
+             {0.125, 0.4168}},
+            {{0, 1, 5},
+             {0, 5, 9},
+             {0, 9, 3},
+             {1, 2, 8},
+             {1, 7, 5},
+             {1, 8, 7},
+             {2, 3, 4},
+             {2, 4, 8},
+             {3, 9, 4},
+             {4, 6, 8},
+             {4, 9, 6},
+             {5, 6, 9},
+             {5, 7, 6},
+             {6, 7, 8}}
+        ),
+        CellPattern(
+            {{0.904, 0.3455},
+             {0.0961, 0.6541},
+             {0.3474, 0.9041},
+             {0.2488, 0.2496},
+             {0.7496, 0.7513},
+             {0.6517, 0.096},
+             {0.4997, 0.5004}},
+            {{0, 1, 9},
+             {0, 5, 3},
+             {0, 7, 5},
+             {0, 9, 7},
+             {1, 2, 4},
+             {1, 4, 9},
+             {2, 3, 6},
+             {2, 6, 8},
+             {2, 8, 4},
+             {3, 5, 6},
+             {4, 8, 10},
+             {4, 10, 9},
+             {5, 7, 10},
+             {5, 10, 6},
+             {6, 10, 8},
+             {7, 9, 10}}
+        ),
     };
     for (const CellPattern& one : patterns)
         if (one.reach <= reach) return &one;

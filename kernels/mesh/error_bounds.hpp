@@ -202,7 +202,8 @@ inline double element_error(const Plan& plan, const CoveringElement& covering, c
     return size * (along + across + min(above, below));
 }
 
-// The slope of a curve over a stretch that lies in one straight piece of it; none where it does not.
+// The slope of a curve over a stretch that lies in one straight piece of it; none where it does
+// not.
 inline std::optional<double> slope_over(
     const Plan& plan, const CurveAt& curve, const Axis& axis, i64 group, double low, double high,
     double near_end
@@ -217,18 +218,44 @@ inline std::optional<double> slope_over(
     return piece.slope;
 }
 
-// How fast the slope of an element along x changes along y, in its (u, v), where it is bilinear over
-// a triangle; none where it is not.
+// The twist of a grid with a factor of 1, if a triangle lies between four of its numbers.
+inline std::optional<double> raster_twist(
+    const Plan& plan, const ElementView& e, const Corners& at
+) {
+    RasterAt raster(plan.field->curves, e.kind);
+    const Raster& r = raster.raster();
+    if (r.pixel || min(r.count[X], r.count[Y]) < 2) return std::nullopt;
+    NumberStretch s = stretch_of(
+        r, X, min3(at[0].u, at[1].u, at[2].u), max3(at[0].u, at[1].u, at[2].u),
+        near_number(r, X, e.frame)
+    );
+    NumberStretch t = stretch_of(
+        r, Y, min3(at[0].v, at[1].v, at[2].v), max3(at[0].v, at[1].v, at[2].v),
+        near_number(r, Y, e.frame)
+    );
+    if (s.first != s.last || t.first != t.last) return std::nullopt;
+    auto [z00, z10, z01, z11] =
+        raster.patch(min(s.first, r.count[X] - 2), min(t.first, r.count[Y] - 2));
+    double twist = ((z11 - z01) - (z10 - z00)) * double(r.count[X] - 1) * double(r.count[Y] - 1);
+    if (isnan(twist)) return std::nullopt;
+    return twist;
+}
+
+// How fast the slope of an element along x changes along y, in its (u, v), where it is bilinear
+// over a triangle; none where it is not.
 inline std::optional<double> twist_over(
     const Plan& plan, const CoveringElement& covering, const Corners& at
 ) {
     const ElementView e(plan, covering.element);
     u8 combine = e.kind.combine;
     if (e.element.scale == 0.0) return 0.0;
-    if (combine != PRODUCT && combine != SUM) {
-        if (combine == GRID || element_error(plan, covering, at) > 0.0) return std::nullopt;
-        return 0.0;
+    if (combine == GRID) {
+        auto twist = raster_twist(plan, e, at);
+        if (twist) *twist *= e.element.scale;
+        return twist;
     }
+    if (combine != PRODUCT && combine != SUM)
+        return element_error(plan, covering, at) > 0.0 ? std::nullopt : std::optional(0.0);
     if (e.x.constant && e.y.constant) return 0.0;
     double near_end = rounding_of(e.frame);
     auto x = slope_over(

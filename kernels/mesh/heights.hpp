@@ -13,6 +13,9 @@ namespace terratool::mesh {
 // So many points of the lattice from an edge or a step a vertex is on it: it was rounded.
 constexpr double ROUNDED = 6.0;
 
+// Cells with shorter sides, in points of the lattice, are not meshed by themselves.
+constexpr double SMALLEST_CELL = 4096.0;
+
 // Distance of a place from the middle in radii of the polygon that stands for a disc.
 // It is 1 on the whole polygon. The height is that of the cone over the polygon, so that rings of
 // edges stay level and a disc that ends at 0 meets the ground without a gap.

@@ -120,7 +120,8 @@ public:
 
     // Put a pattern in the place of a cell's two triangles; none of its triangles is examined.
     // `height` gives that of the region at a place.
-    template <class Height> void fill_cell(
+    template <class Height>
+    void fill_cell(
         i64 t, i64 e, const std::array<Point, 4>& cell, const CellPattern& pattern, Height height
     ) {
         i64 other = neighbours_[t][e];
@@ -379,13 +380,12 @@ private:
         return errors_.find(of_[t], places_of(t), heights_[t], enough);
     }
 
-    // Fill the cell of a triangle and the one beyond its longest edge by a pattern, if the region is
-    // bilinear over it and straight along its sides; whether it was.
+    // Fill the cell of a triangle and the one beyond its longest edge by a pattern, if the region
+    // is bilinear over it and straight along its sides; whether it was.
     bool fill_bilinear(i64 t, double enough, double polygon_error) {
-        constexpr double least = 4096.0;   // points of the lattice, so that none is near another
         constexpr double straight = 1e-3;  // of the error
         i64 e = longest_of(t).edge, other = neighbours_[t][e];
-        auto cell = cell_of(t, e, least);
+        auto cell = cell_of(t, e, 0.5 * SMALLEST_CELL);
         if (!cell) return false;
         auto missed = [&](i64 of, i64 diagonal) {  // by the diagonal; 0 if it is no such cell
             auto sides = errors_.find_sides(of_[of], places_of(of), heights_[of]);
