@@ -231,7 +231,9 @@ def wall_summary(mesh: Mesh, shell: int | None = None) -> WallSummary:
     upright = mesh.faces[:shell][mesh.walls[:shell]]
     if not len(upright):
         return WallSummary()
-    x, y, z = mesh.vertices.T
+    used, index = np.unique(upright, return_inverse=True)
+    upright = index.reshape(upright.shape)
+    x, y, z = mesh.vertices[used].T
     _, place = np.unique(x + 1j * y, return_inverse=True)
     place = place.reshape(-1).astype(np.int64)
     ends = place[upright]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -25,6 +26,7 @@ from terratool.mesh.formats.common import (
     plain_names,
     surface_parts,
 )
+from terratool.mesh.joined import build_joined
 from terratool.mesh.loss import MeshLoss
 from terratool.mesh.normals import with_normals
 from terratool.mesh.origin import zero_of
@@ -46,6 +48,8 @@ from terratool.traversability.judge import CellVerdict, Judge
 
 _MOST_FACES, _MANY_FACES = 20_000_000, 2_000_000
 """Most faces of a mesh, about, and those that are proposed in place of more."""
+_TILED_FACES = 1_000_000
+"""Faces, about, of which a mesh is built by tiles, so that it takes less memory."""
 _ABOVE = 1.05
 """Factor on an error that is proposed, so that it stays enough when it is told in two digits."""
 
@@ -121,12 +125,20 @@ class Scene:
             RequestError: there is no ground, or its mesh would be too large.
         """
         self.say(f"meshing within {metres(error)}")
-        self._refuse_faces(error)
-        built = collapse_degenerate(build_all(self.terrain, error))
+        built = self._built_within(error)
         if not len(built.mesh.faces):
             raise no_ground()
         self.say(f"{count_of(len(built.mesh.faces), 'face')} within {metres(error)}")
         return built
+
+    def _built_within(self, error: float) -> BuiltMesh:
+        """Return the mesh within an error; one of many faces by tiles, where these fit."""
+        faces = self._faces_within(error)
+        self._refuse_faces(error, faces)
+        if self.terrain.storeys is None and faces > _TILED_FACES:
+            with contextlib.suppress(RequestError):
+                return build_joined(self.terrain, error)
+        return collapse_degenerate(build_all(self.terrain, error))
 
     def parts_within(self, error: float) -> StackParts | None:
         """Return ground and storeys apart, within an error; None for a terrain without storeys."""
@@ -143,13 +155,12 @@ class Scene:
         parts = self.parts_within(self.options.max_error)
         return [] if parts is None else level_boxes(parts, self.options.max_error)
 
-    def _refuse_faces(self, error: float) -> None:
-        """Refuse a mesh of far more faces than simulators take, before it is made.
+    def _refuse_faces(self, error: float, faces: float) -> None:
+        """Refuse a mesh of far more faces, about, than simulators take, before it is made.
 
         Raises:
             RequestError: the mesh would be too large.
         """
-        faces = self._faces_within(error)
         if faces <= _MOST_FACES:
             return
         enough = (e for e, most in self._wider(error) if self._faces_within(e) <= most)

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import WriteError
-from terratool.kernels import mesh as kernels
 from terratool.mesh.formats.common import (
     SurfacePart,
     encodable_text,
@@ -21,15 +20,13 @@ from terratool.mesh.formats.common import (
     linear_color,
     plain_names,
     points_of,
+    shape_of,
     surface_parts,
 )
 from terratool.mesh.types import Mesh
 
 if TYPE_CHECKING:
     from pxr import Usd
-
-_CELLS = 7
-"""Bits of a column or row of the cells that faces are sorted by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,9 +116,14 @@ def usd_stage(mesh: Mesh, layout: UsdLayout) -> Usd.Stage:
         scope = root.GetPath().AppendChild("Surfaces")
         UsdGeom.Scope.Define(stage, scope)
         for surface in surfaces:
-            _define_mesh(stage, scope.AppendChild(surface.name), points, [surface])
-    else:
-        _define_mesh(stage, root.GetPath().AppendChild("Mesh"), points, surfaces)
+            own, faces = shape_of(points, surface.part)
+            _define_mesh(stage, scope.AppendChild(surface.name), own, faces, [surface])
+        return stage
+    faces = surfaces[0].part.faces
+    if len(surfaces) > 1:
+        surfaces.sort(key=lambda one: -_area(points, one.part.faces))
+        faces = np.concatenate([one.part.faces for one in surfaces])
+    _define_mesh(stage, root.GetPath().AppendChild("Mesh"), points, faces, surfaces)
     return stage
 
 
@@ -172,37 +174,38 @@ def _material(stage: Usd.Stage, path: Any, mesh: Mesh, part: SurfacePart) -> Any
 
 
 def _define_mesh(
-    stage: Usd.Stage, path: Any, points: NDArray[np.float32], surfaces: Sequence[_Surface]
+    stage: Usd.Stage,
+    path: Any,
+    points: NDArray[np.float32],
+    faces: NDArray[np.int32],
+    surfaces: Sequence[_Surface],
 ) -> None:
     """Define a Mesh that collides with its faces, those of one surface after those of another."""
     from pxr import Gf, UsdGeom, UsdPhysics, UsdShade, Vt
 
-    by_area = list(surfaces)
-    if len(surfaces) > 1:
-        by_area.sort(key=lambda one: -_area(points, one.part.faces))
-    near = [_sorted_by_cell(points, one.part.faces) for one in by_area]
-    own, faces = kernels.take_vertices(points, near[0] if len(near) == 1 else np.concatenate(near))
     shape = UsdGeom.Mesh.Define(stage, path)
-    shape.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(own))
+    shape.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
     shape.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(faces), 3, np.int32)))
     shape.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(faces.ravel()))
     shape.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     shape.CreateDoubleSidedAttr(True)
-    shape.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.stack([own.min(axis=0), own.max(axis=0)])))
+    shape.CreateExtentAttr(
+        Vt.Vec3fArray.FromNumpy(np.stack([points.min(axis=0), points.max(axis=0)]))
+    )
     UsdPhysics.CollisionAPI.Apply(shape.GetPrim())
     # bodies collide with the triangles, not with their hull
     UsdPhysics.MeshCollisionAPI.Apply(shape.GetPrim()).CreateApproximationAttr(
         UsdPhysics.Tokens.none
     )
     binding = UsdShade.MaterialBindingAPI.Apply(shape.GetPrim())
-    if len(by_area) == 1:
-        color = Gf.Vec3f(*linear_color(by_area[0].part.color))
+    if len(surfaces) == 1:
+        color = Gf.Vec3f(*linear_color(surfaces[0].part.color))
         shape.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([color])
-        _bind(binding, by_area[0])
-        _show_name(shape, by_area[0].part)
+        _bind(binding, surfaces[0])
+        _show_name(shape, surfaces[0].part)
         return
     first = 0
-    for surface in by_area:
+    for surface in surfaces:
         end = first + len(surface.part.faces)
         subset = binding.CreateMaterialBindSubset(
             surface.name, Vt.IntArray.FromNumpy(np.arange(first, end, dtype=np.int32))
@@ -234,16 +237,3 @@ def _area(points: NDArray[np.float32], faces: NDArray[np.int32]) -> float:
     a, b, c = faces.T
     twice = (x[b] - x[a]) * (y[c] - y[a]) - (x[c] - x[a]) * (y[b] - y[a])
     return float(0.5 * np.abs(twice).sum())
-
-
-def _sorted_by_cell(points: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return faces in the order of cells that hold their first vertices, neighbours together.
-
-    Numbers of vertices then differ little from face to face, and a .usdc holds what they differ by.
-    """
-    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
-    per = (2**_CELLS - 1) / np.maximum(high - low, np.finfo(np.float32).tiny)
-    columns, rows = ((points[:, :2] - low) * per).astype(np.int32).T
-    rows = np.where(columns % 2, 2**_CELLS - 1 - rows, rows)  # up one column, down the next
-    cells = np.ascontiguousarray(((columns << _CELLS) | rows)[faces[:, 0]])
-    return kernels.sort_faces(faces, cells, np.bincount(cells, minlength=4**_CELLS))
