@@ -245,7 +245,7 @@ class Scene:
         """Position in the files of the zero of the mesh, the south-west corner at height 0."""
         west, south, _, _ = self.terrain.bounds
         x, y, z = self.zero
-        return west - x, south - y, -z
+        return west - x, south - y, 0.0 - z  # which is no -0
 
     @cached_property
     def materials(self) -> tuple[Material, ...]:
