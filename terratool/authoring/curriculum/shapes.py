@@ -236,7 +236,8 @@ def relief(
     if not lowest:
         del element["vOffset"]
     rows = tuple(f"[{', '.join(map(str, row))}]" for row in heights[::-1].tolist())
-    return TileShape(element, {name: {"grid": TextLines(rows)}})
+    descr = f"{len(rows)} rows of random heights, in steps of {step:g} m"
+    return TileShape(element, {name: {"descr": descr, "grid": TextLines(rows)}})
 
 
 # --- pyramids ------------------------------------------------------------------------------------

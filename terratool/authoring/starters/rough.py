@@ -70,16 +70,12 @@ def _rough(wanted: Wanted) -> Members:
 
 def _relief(heights: list[list[int]], step: float, low: float, surface: str) -> Members:
     """Primitives and tree of heights in steps, given by rows from the south."""
-    element: Members = {
-        "descr": f"{len(heights)} rows of {len(heights[0])} random heights, in steps of {step:g} m",
-        "type": "heights",
-        "surface": surface,
-        "vScale": step,
-        "vOffset": low,
-    }
-    if not low:
-        del element["vOffset"]
-    return {"elemTypes": {"heights": {"grid": heights[::-1]}}, "elemTree": element}
+    descr = f"{len(heights)} rows of {len(heights[0])} random heights, in steps of {step:g} m"
+    element: Members = {"type": "heights", "surface": surface, "vScale": step}
+    if low:
+        element["vOffset"] = low
+    primitive = {"descr": descr, "grid": heights[::-1]}
+    return {"elemTypes": {"heights": primitive}, "elemTree": element}
 
 
 ROUGH = Kind(
