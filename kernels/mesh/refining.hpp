@@ -398,7 +398,9 @@ private:
         if (!(most > enough) || abs(most - same) > straight * enough) return false;
         const CellPattern* pattern = pattern_within((1.0 - 2.0 * straight) * enough / most);
         if (!pattern) return false;
-        largest_error_ = max(largest_error_, pattern->reach * most + polygon_error);
+        // vertices are rounded to the lattice
+        double missed_most = pattern->reach * most + straight * enough;
+        largest_error_ = max(largest_error_, missed_most + polygon_error);
         fill_cell(t, e, *cell, *pattern, [&](double x, double y) { return height(t, x, y); });
         return true;
     }
