@@ -42,8 +42,9 @@ def build_joined(terrain: Terrain, max_error: float) -> BuiltMesh:
         return replace(built, mesh=_in_order(built.mesh)) if len(built.mesh.faces) else built
 
     room = int(faces_of(layout.plan))
-    vertices, faces = _Rows(room // 2, (3,), np.float64), _Rows(room, (3,), np.int32)
-    surfaces, walls = _Rows(room, (), np.int32), _Rows(room, (), np.bool_)
+    vertices = _GrowingArray(room // 2, (3,), np.float64)
+    faces = _GrowingArray(room, (3,), np.int32)
+    surfaces, walls = _GrowingArray(room, (), np.int32), _GrowingArray(room, (), np.bool_)
     known: dict[bytes, int] = {}  # vertices on the sides of tiles
     error = 0.0
     for built in prefetch(build, product(range(rows), range(columns)), processors()):
@@ -67,8 +68,8 @@ def build_joined(terrain: Terrain, max_error: float) -> BuiltMesh:
     return replace(built, mesh=joined, shell=faces.count, error=error)
 
 
-class _Rows:
-    """Rows of an array that grows; room that is not used yet takes no memory."""
+class _GrowingArray:
+    """Array that grows by rows; room that is not used yet takes no memory."""
 
     def __init__(self, room: int, shape: tuple[int, ...], dtype: DTypeLike) -> None:
         self._array = np.empty((room, *shape), dtype)

@@ -232,7 +232,7 @@ def wall_summary(mesh: Mesh, shell: int | None = None) -> WallSummary:
     if not len(upright):
         return WallSummary()
     used, index = np.unique(upright, return_inverse=True)
-    upright = index.reshape(upright.shape)
+    upright = index.reshape(upright.shape).astype(np.int32)
     vertices = mesh.vertices[used]
     x, y, z = vertices.T
     _, place = np.unique(x + 1j * y, return_inverse=True)

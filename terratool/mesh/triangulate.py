@@ -149,7 +149,7 @@ def delaunay(
         cdt.erase_outer_triangles_and_holes()
     vertices, found = cdt.vertices_array()[outer:], cdt.triangles_array()
     # the library's own way to erase what has an outer corner looks all edges up
-    kept = (found["vertices"] >= outer).all(axis=1)
+    kept: NDArray[np.bool_] = np.asarray((found["vertices"] >= outer).all(axis=1))
     triangles, neighbours = found["vertices"][kept], found["neighbors"][kept]
     index = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1).astype(np.int32)
     neighbours[neighbours == _NONE] = len(kept)
