@@ -8,6 +8,7 @@ import mujoco
 import trimesh
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
+from pxr import Usd
 from rasterio.crs import CRS
 from rasterio.transform import Affine
 
@@ -190,6 +191,7 @@ class Terrain(ShownTerrain):
         max_geoms: int = 2000,
         flex: bool = False,
         heightmap: bool = False,
+        per_surface: bool = False,
         vehicle: str | Path | None = None,
         max_slope: float = 20.0,
         max_step: float = 0.1,
@@ -208,6 +210,16 @@ class Terrain(ShownTerrain):
         flex: bool = False,
     ) -> mujoco.MjSpec:
         """Return what `export_sim` writes for MuJoCo as a `mujoco.MjSpec`, without any file."""
+
+    def to_usd_stage(
+        self,
+        *,
+        origin: Origin = "world",
+        max_error: float = 0.002,
+        friction: float = 0.7,
+        per_surface: bool = False,
+    ) -> Usd.Stage:
+        """Stage of USD in memory, with what `export_sim` writes for the target "usd"."""
 
     @overload
     def render(

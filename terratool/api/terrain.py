@@ -54,7 +54,7 @@ from terratool.sensing.sensor import Sensor, load_sensor
 from terratool.simulators.export import SimulatorReport, plan_export, scene_of
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.options import refuse_idle as refuse_idle_targets
-from terratool.simulators.targets import choose_targets
+from terratool.simulators.targets import choose_targets, refuse_uninstalled
 from terratool.text.source import Source, refuse_name
 from terratool.traversability.compare import names_of, prepare
 from terratool.traversability.request import Request, RouteLine
@@ -89,6 +89,7 @@ if TYPE_CHECKING:
     import mujoco
     import trimesh
     from matplotlib.figure import Figure
+    from pxr import Usd
 
 AnyVehicle = Vehicle | str | Path
 """A vehicle, or the path of its file."""
@@ -289,6 +290,26 @@ class UserTerrain(ShownTerrain):
 
         wanted = replace(fill(SceneOptions, options), origin=origin)
         return mjspec(scene_of(self, self.name, wanted))
+
+    @takes(SceneOptions, only=("max_error", "friction", "per_surface"))
+    def to_usd_stage(self, *, origin: Origin = "world", **options: Any) -> Usd.Stage:
+        """Stage of USD in memory, with what `export_sim` writes for the target "usd".
+
+        Points are near 0, and the root places them in the world, or where `origin` has it.
+
+        Args:
+            origin: zero of the stage: that of the world, the south-west corner, the middle, or a
+                point of the world.
+            **options: options of `SceneOptions`, by name.
+
+        Raises:
+            RequestError: there is no ground, an option makes no sense, or usd-core is missing.
+        """
+        from terratool.simulators.usd import stage_of
+
+        refuse_uninstalled(choose_targets(("usd",)))
+        wanted = replace(fill(SceneOptions, options), origin=origin)
+        return stage_of(scene_of(self, self.name, wanted))
 
     # --- pictures and pages -----------------------------------------------------------------------
 
