@@ -15,7 +15,7 @@ from terratool.mesh.tiles import TileCount, TileLayout, build_tile, faces_of, la
 from terratool.mesh.types import BuiltMesh, Mesh
 from terratool.tasks import prefetch, processors
 
-_TILE = 200_000
+_TILE = 80_000
 """Number of faces of a tile, about."""
 _BITS = 8
 """Halvings of a tile along each axis by the curve that its faces are sorted along."""

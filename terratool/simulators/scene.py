@@ -207,8 +207,20 @@ class Scene:
         """Faces of the mesh by surface, those of no surface last."""
         return surface_parts(self.mesh)
 
+    def take_mesh(self) -> Mesh:
+        """Return the mesh without normals, and forget one of many faces, as it takes much memory.
+
+        Where it is asked for again it is built again, but its loss and its surfaces stay known.
+        """
+        mesh = self.built_mesh.mesh
+        if len(mesh.faces) > _TILED_FACES:
+            self.loss, self._meshed_surfaces  # noqa: B018 -- found while the mesh is there
+            del self.__dict__["built_mesh"]
+        return mesh
+
+    @cached_property
     def _meshed_surfaces(self) -> list[int]:
-        """Return the surfaces of the mesh's faces, none at all (-1) last."""
+        """Surfaces of the mesh's faces, none at all (-1) last."""
         found = np.unique(self.built_mesh.mesh.surfaces).tolist()
         return sorted(found, key=lambda surface: (surface < 0, surface))
 
@@ -282,7 +294,7 @@ class Scene:
         Ground without a surface is last, if there is any.
         """
         if meshed:
-            return [self.material(index) for index in self._meshed_surfaces()]
+            return [self.material(index) for index in self._meshed_surfaces]
         terrain, arrays = self.terrain, self.terrain.arrays
         worn = set(arrays.worn.tolist())
         worn.discard(-1)  # tracks that leave the ground its own surface

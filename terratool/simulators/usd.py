@@ -43,7 +43,7 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
     prims = list(stage.Traverse())
     meshes = [prim for prim in prims if prim.GetTypeName() == "Mesh"]
     subsets = [prim for prim in prims if prim.GetTypeName() == "GeomSubset"]
-    count = len(scene.built_mesh.mesh.faces)
+    count = sum(len(prim.GetAttribute("faceVertexCounts").Get()) for prim in meshes)
     faces = count_of(count, "face")
     if len(meshes) > 1:
         summary = f"a Mesh for each of {len(meshes):,} surfaces collides, of {faces} together"
@@ -74,7 +74,7 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
 
 def _with_materials(scene: Scene) -> Mesh:
     """Return the mesh with friction everywhere: assumed where unknown, and without a surface."""
-    mesh, (*own, none) = scene.built_mesh.mesh, scene.materials
+    mesh, (*own, none) = scene.take_mesh(), scene.materials
     return replace(
         mesh,
         surfaces=np.where(mesh.surfaces < 0, np.int32(len(own)), mesh.surfaces),

@@ -112,6 +112,7 @@ def usd_stage(mesh: Mesh, layout: UsdLayout) -> Usd.Stage:
         _Surface(part, name, _material(stage, materials.AppendChild(name), mesh, part))
         for part, name in zip(parts, identifiers, strict=True)
     ]
+    del mesh  # whose memory is wanted for what follows
     if layout.per_surface:
         scope = root.GetPath().AppendChild("Surfaces")
         UsdGeom.Scope.Define(stage, scope)
