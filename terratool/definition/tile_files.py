@@ -34,6 +34,8 @@ VARIABLE = "difficulty"
 """Variable of expressions of a spec."""
 MAX_FILES = 100
 """Most kinds of tiles of a spec that are made of files."""
+MAX_VALUES = 1000
+"""Most numbers of a terrain that depend on difficulty."""
 MAX_LEVELS = 64
 """Most levels of elements in elements of a tile."""
 _WHOLE = {
@@ -43,6 +45,8 @@ _WHOLE = {
     if wanted.kind == "whole"
 }
 """Keys of elements for whole numbers, to which values of expressions are rounded down."""
+_OF_NUMBERS = tuple(b"%c" % sign for sign in b"-0123456789")
+"""Bytes that numbers begin with."""
 _SLACK = 1e-9
 """Slack of rounding down, as expressions are rounded."""
 _DIGITS = 9
@@ -75,13 +79,13 @@ class TileSource(Struct, frozen=True, eq=False):
         if not self.values:
             return self.check(self.source)
         data, name = self.source.data, f"{self.source.name} at difficulty {difficulty:g}"
+        begins = locate.offsets(data, list(map(locate.Address, self.values)))
         edits: dict[int, Edit] = {}
-        for pointer, formula in self.values.items():
+        for (pointer, formula), begin in zip(self.values.items(), begins, strict=True):
             number = formula_value(formula, difficulty)
             keys = [key for key in pointer.split("/") if not key.isdigit()]
             if keys[-1] in _WHOLE:
                 number = math.floor(number + _SLACK)
-            begin = locate.offsets(data, [locate.Address(pointer)])[0]
             new = json.dumps(_plain(number)).encode()
             edits[begin] = Edit(begin, value_end(data, begin, len(data)), new)
         data = apply_edits(data, edits.values())
@@ -249,12 +253,27 @@ def _terrain_problems(checked: Checked, path: str, tile: Pair) -> list[TileProbl
 
 def _value_problems(tile: TileSource, path: str) -> Iterator[TileProblem]:
     """Yield problems of the pointers and the expressions of a terrain's values."""
+    if len(tile.values) > MAX_VALUES:
+        message = f'"values" has {len(tile.values):,} numbers, more than {MAX_VALUES:,}.'
+        yield TileProblem("/values", message, "Let fewer numbers depend on difficulty.")
+        return
+    data = tile.source.data
+    addresses = [locate.Address(pointer) for pointer in tile.values if pointer.startswith("/")]
+    above = [locate.Address(address.pointer.rpartition("/")[0]) for address in addresses]
+    begins = locate.offsets(data, [*addresses, *above])
+    # an absent value has its parent's offset, and no value begins where its parent does
+    there = {
+        address.pointer
+        for address, begin, parent in zip(
+            addresses, begins[: len(addresses)], begins[len(addresses) :], strict=True
+        )
+        if begin != parent and data[begin : begin + 1] in _OF_NUMBERS
+    }
     for pointer, formula in tile.values.items():
         rest = f"/values/{escape(pointer)}"
         if wrong := formula_problem(formula):
             yield TileProblem(rest, *wrong)
-        data = locate.value_at(tile.source.data, pointer) if pointer.startswith("/") else None
-        if data is None or data[:1] not in b"-0123456789":
+        if pointer not in there:
             message = f"{quote(path)} has no number at {quote(pointer)}."
             hint = "Write the JSON pointer of a number, such as /elemTree/children/0/vScale."
             yield TileProblem(rest, message, hint)

@@ -529,7 +529,7 @@ def test_the_origin_is_the_highest_place_within_a_metre() -> None:
         x, y, z = made.origins[row, column]
         highest = max(
             (
-                made.terrain.height(x + i / 10, y + j / 10)
+                made.terrain.ground(x + i / 10, y + j / 10)
                 for i in range(-10, 10)
                 for j in range(-10, 10)
             ),

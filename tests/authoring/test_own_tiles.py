@@ -202,6 +202,9 @@ def test_the_same_names_in_two_files_do_not_meet(folder: Path) -> None:
         ({"vScale": "1/difficulty"}, "/vScale", "not a finite number at difficulty = 0"),
         ({"values": {"/elemTree/children": 1}}, "/values/~1elemTree~1children", "no number"),
         ({"values": {"size": 1}}, "/values/size", "no number"),
+        ({"values": {"/size/0/0": 1}}, "/values/~1size~10~10", "no number"),
+        ({"values": {"/size/7": 1}}, "/values/~1size~17", "no number"),
+        ({"values": {f"/size/{n}": 1 for n in range(1001)}}, "/values", "more than 1,000"),
         ({"values": {"/size/0": "1**"}}, "/values/~1size~10", "value is missing"),
         (
             {"values": {"/elemTree/children/0/cellX": "9*difficulty"}},

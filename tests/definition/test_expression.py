@@ -26,6 +26,7 @@ from terratool.definition.expression import (
     check,
     evaluate,
     parse,
+    value_at,
 )
 from terratool.definition.listmath import LIST_FUNCTIONS
 from terratool.field.pieces import values_of
@@ -508,3 +509,18 @@ def test_any_text_ends_in_values_or_in_a_finding(text: str) -> None:
     else:
         assert all(abs(value) < MAX_VALUE for value in values(text, [0.0, 0.5, 1.0]))
         agree(text, TS)
+
+
+def test_another_variable_stands_for_t() -> None:
+    """Expressions of specs are in `difficulty`, and so are hints on them."""
+    assert value_at(parse("2 - difficulty**2", "difficulty"), 0.5) == 1.75
+    assert value_at(parse("3", "difficulty"), 0.5) == 3.0
+    assert value_at(parse("ramp", "difficulty"), 0.25) == 0.25
+    assert parse("t") != parse("difficulty", "difficulty")
+    wrong = {"2*t": "difficulty", "2 difficulty": "2*difficulty", "": "in difficulty"}
+    for text, said in wrong.items():
+        with pytest.raises(ExpressionError) as caught:
+            parse(text, "difficulty")
+        assert said in caught.value.hint
+    with pytest.raises(ExpressionError, match="at difficulty = 0"):
+        check(parse("1/difficulty", "difficulty"))

@@ -117,21 +117,20 @@ def level_ground(tile: TileRectangle, children: Any, **more: Any) -> Members:
 # --- boxes -------------------------------------------------------------------------------------
 
 
-def box_lines(boxes: Iterable[Box], raised: float = 0.0, deck: str = "") -> TextLines:
+def box_lines(boxes: Iterable[Box], raised: float = 0.0) -> TextLines:
     """Elements of boxes, each as a line of text; boxes without height or area are left out.
 
     Args:
         boxes: boxes that do not overlap, as heights add up.
         raised: height added to each box, m.
-        deck: text of the key `deck` of each box; empty for boxes that stand on the ground.
     """
-    items, hangs = [], f', "deck": {deck}' if deck else ""
+    items = []
     for (x, y, w, h), height in boxes:
         z = round(height + raised, DIGITS)
         if z and w and h:
             items.append(
                 f'{{ "cellX": {x}, "cellY": {y}, "span": [{w}, {h}], "type": "level", '
-                f'"vScale": {_number(z)}{hangs} }}'
+                f'"vScale": {_number(z)} }}'
             )
     return TextLines(tuple(items))
 

@@ -283,9 +283,13 @@ def _floating_ring(plot: Plot) -> Tile:
     room = high - plot.difficulty * (high - low)
     thickness, width = round(plot.spec.number("thickness"), DIGITS), mm(plot.at("ringWidth"))
     outer = plot.platform.inset(-width)
-    boxes = frame(outer, width, room + thickness)
-    lines = box_lines(boxes, deck=f'{{ "thickness": {thickness:g} }}')
-    return _own_part_tile(plot, level_ground(plot.plan, lines))
+    ring: Members = {
+        "type": "level",
+        "deck": {"thickness": thickness},
+        "vScale": round(room + thickness, DIGITS),
+    }
+    decks = [{**side.place, **ring} for side, _ in frame(outer, width, 0.0)]
+    return _own_part_tile(plot, level_ground(plot.plan, decks))
 
 
 # --- random boxes and objects --------------------------------------------------------------------
