@@ -8,6 +8,7 @@ import mujoco
 import trimesh
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
+from pxr import Usd
 from rasterio.crs import CRS
 from rasterio.transform import Affine
 
@@ -150,13 +151,14 @@ class Terrain(ShownTerrain):
     def to_mesh(
         self,
         *,
+        origin: Origin = "world",
         max_error: float | None = None,
         max_faces: int | None = None,
         bounds: Bounds | None = None,
         solid: bool = False,
         base: float | None = None,
     ) -> trimesh.Trimesh:
-        """Mesh of the terrain with upright walls, in coordinates of the world."""
+        """Mesh of the terrain with upright walls, in memory, in coordinates of the world."""
 
     def write_mesh(
         self,
@@ -189,6 +191,7 @@ class Terrain(ShownTerrain):
         max_geoms: int = 2000,
         flex: bool = False,
         heightmap: bool = False,
+        per_surface: bool = False,
         vehicle: str | Path | None = None,
         max_slope: float = 20.0,
         max_step: float = 0.1,
@@ -207,6 +210,16 @@ class Terrain(ShownTerrain):
         flex: bool = False,
     ) -> mujoco.MjSpec:
         """Return what `export_sim` writes for MuJoCo as a `mujoco.MjSpec`, without any file."""
+
+    def to_usd_stage(
+        self,
+        *,
+        origin: Origin = "world",
+        max_error: float = 0.002,
+        friction: float = 0.7,
+        per_surface: bool = False,
+    ) -> Usd.Stage:
+        """Stage of USD in memory, with what `export_sim` writes for the target "usd"."""
 
     @overload
     def render(
@@ -353,6 +366,7 @@ class Terrain(ShownTerrain):
         poses: str | Path | None = None,
         frame: Literal["world", "sensor"] = "world",
         misses: bool = False,
+        intensity_max: float = 1.0,
         overwrite: bool = False,
         on_ground: float | None = None,
         follow_slope: bool = False,

@@ -31,7 +31,8 @@ LARGEST_INPUT = 16_384
 _LARGEST_MESSAGE = 1 << 18
 """Most bytes of words and environment."""
 _LEFT_OUT = (
-    "__init__", "__main__", "bullet", "mujoco", "torch_field", "usd", "warp_field", "warp_kernels",
+    "__init__", "__main__", "bullet", "mujoco", "torch_field", "torch_gradient", "usd",
+    "warp_field", "warp_kernels",
 )  # fmt: skip
 """Modules that few commands need, or that begin threads."""
 _OTHERS = (

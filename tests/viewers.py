@@ -275,6 +275,19 @@ def by_coin(path: Path) -> Read:
                  for corners in shape["corners"]])  # fmt: skip
 
 
+def usd_parts(mesh: Any) -> list[tuple[Any, np.ndarray]]:
+    """Prims to which materials of a Mesh are bound, and their faces: all of them, each once."""
+    from pxr import UsdGeom, UsdShade
+
+    count = len(UsdGeom.Mesh(mesh).GetFaceVertexCountsAttr().Get())
+    subsets = UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets()
+    if not subsets:
+        return [(mesh, np.arange(count))]
+    faces = [np.array(subset.GetIndicesAttr().Get()) for subset in subsets]
+    assert sorted(np.concatenate(faces).tolist()) == list(range(count))
+    return [(subset.GetPrim(), own) for subset, own in zip(subsets, faces, strict=True)]
+
+
 def by_usd(path: Path) -> Read:
     """By Pixar's library."""
     pytest.importorskip("pxr", reason="usd-core is not installed")
@@ -289,10 +302,10 @@ def by_usd(path: Path) -> Read:
         assert set(mesh.GetFaceVertexCountsAttr().Get()) == {3}
         points = np.array(mesh.GetPointsAttr().Get())
         faces = np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3)
-        material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
-        shader, _, _ = material.ComputeSurfaceSource()
-        color = _srgb(shader.GetInput("diffuseColor").Get())
-        found += _triangles(points, faces, color)
+        for part, own in usd_parts(prim):
+            material, _ = UsdShade.MaterialBindingAPI(part).ComputeBoundMaterial()
+            shader, _, _ = material.ComputeSurfaceSource()
+            found += _triangles(points, faces[own], _srgb(shader.GetInput("diffuseColor").Get()))
     return Read(found)
 
 

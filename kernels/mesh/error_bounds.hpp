@@ -10,6 +10,8 @@
 // of u. At a crease the slope jumps by J, which adds up to J/4 times that range.
 #pragma once
 
+#include <optional>
+
 #include "grid_errors.hpp"
 #include "heights.hpp"
 #include "lattice.hpp"
@@ -200,6 +202,75 @@ inline double element_error(const Plan& plan, const CoveringElement& covering, c
     return size * (along + across + min(above, below));
 }
 
+// The slope of a curve over a stretch that lies in one straight piece of it; none where it does
+// not.
+inline std::optional<double> slope_over(
+    const Plan& plan, const CurveAt& curve, const Axis& axis, i64 group, double low, double high,
+    double near_end
+) {
+    if (axis.constant) return 0.0;
+    if (!axis.linear) return std::nullopt;
+    double middle = clamp_to_group(plan, group, 0.5 * (low + high), near_end);
+    StraightPiece piece = straight_piece(plan, curve, piece_at(plan, curve, group, middle).piece);
+    low = clamp_to_group(plan, group, low, near_end);
+    high = clamp_to_group(plan, group, high, near_end);
+    if (low < piece.begin - near_end || high > piece.end + near_end) return std::nullopt;
+    return piece.slope;
+}
+
+// The twist of a grid with a factor of 1, if a triangle lies between four of its numbers.
+inline std::optional<double> raster_twist(
+    const Plan& plan, const ElementView& e, const Corners& at
+) {
+    RasterAt raster(plan.field->curves, e.kind);
+    const Raster& r = raster.raster();
+    if (r.pixel || min(r.count[X], r.count[Y]) < 2) return std::nullopt;
+    NumberStretch s = stretch_of(
+        r, X, min3(at[0].u, at[1].u, at[2].u), max3(at[0].u, at[1].u, at[2].u),
+        near_number(r, X, e.frame)
+    );
+    NumberStretch t = stretch_of(
+        r, Y, min3(at[0].v, at[1].v, at[2].v), max3(at[0].v, at[1].v, at[2].v),
+        near_number(r, Y, e.frame)
+    );
+    if (s.first != s.last || t.first != t.last) return std::nullopt;
+    auto [z00, z10, z01, z11] =
+        raster.patch(min(s.first, r.count[X] - 2), min(t.first, r.count[Y] - 2));
+    double twist = ((z11 - z01) - (z10 - z00)) * double(r.count[X] - 1) * double(r.count[Y] - 1);
+    if (isnan(twist)) return std::nullopt;
+    return twist;
+}
+
+// How fast the slope of an element along x changes along y, in its (u, v), where it is bilinear
+// over a triangle; none where it is not.
+inline std::optional<double> twist_over(
+    const Plan& plan, const CoveringElement& covering, const Corners& at
+) {
+    const ElementView e(plan, covering.element);
+    u8 combine = e.kind.combine;
+    if (e.element.scale == 0.0) return 0.0;
+    if (combine == GRID) {
+        auto twist = raster_twist(plan, e, at);
+        if (twist) *twist *= e.element.scale;
+        return twist;
+    }
+    if (combine != PRODUCT && combine != SUM)
+        return element_error(plan, covering, at) > 0.0 ? std::nullopt : std::optional(0.0);
+    if (e.x.constant && e.y.constant) return 0.0;
+    double near_end = rounding_of(e.frame);
+    auto x = slope_over(
+        plan, curve_of(e.kind, X), e.x, covering.group[X], min3(at[0].u, at[1].u, at[2].u),
+        max3(at[0].u, at[1].u, at[2].u), near_end
+    );
+    if (!x) return std::nullopt;
+    auto y = slope_over(
+        plan, curve_of(e.kind, Y), e.y, covering.group[Y], min3(at[0].v, at[1].v, at[2].v),
+        max3(at[0].v, at[1].v, at[2].v), near_end
+    );
+    if (!y) return std::nullopt;
+    return combine == SUM ? 0.0 : e.element.scale * *x * *y;
+}
+
 // How far at most a relief is from a triangle with its corners on it, given in the world.
 //
 // What is small is held to the second derivatives in its middle, and to how much they may change
@@ -279,6 +350,24 @@ struct RegionTriangle {
         return total > enough ? INF : total;
     }
 
+    // What each side misses in its middle, where all elements are bilinear over the triangle.
+    // What the triangle misses is 4 Σ λᵢ λⱼ times that of the side from i to j.
+    std::optional<std::array<double, 3>> from_twists() const {
+        std::array<double, 3> sides{0.0, 0.0, 0.0};
+        if (relief) return std::nullopt;
+        for (std::size_t k = 0; k < covering.size(); ++k) {
+            const Corners& at = corners[k];
+            auto twist = twist_over(plan, covering[k], at);
+            if (!twist) return std::nullopt;
+            if (*twist == 0.0) continue;
+            for (int c = 0; c < 3; ++c) {
+                int d = int(next_corner(c));
+                sides[c] -= 0.25 * *twist * (at[d].u - at[c].u) * (at[d].v - at[c].v);
+            }
+        }
+        return sides;
+    }
+
     // The covering element that is a grid, if all else is plain in the triangle; -1 for none.
     i64 only_grid() const {
         auto is_grid = [&](const CoveringElement& one) {
@@ -308,6 +397,21 @@ struct RegionTriangle {
     }
 };
 
+// The largest error of a triangle by what its sides miss in their middles; see from_twists.
+inline ErrorAt largest_of_sides(const std::array<double, 3>& sides) {
+    constexpr std::array<Barycentric, 3> middles{{{0.5, 0.0}, {0.5, 0.5}, {0.0, 0.5}}};
+    ErrorAt most{0.0, middles[0]};
+    for (int c = 0; c < 3; ++c)
+        if (abs(sides[c]) > most.error) most = {abs(sides[c]), middles[c]};
+    auto [ab, bc, ca] = sides;
+    double mixed = ab - bc + ca, turn = 4.0 * ab * ca - mixed * mixed;
+    if (turn <= 0.0) return most;  // a saddle: the largest is on a side
+    double s = (2.0 * ab - mixed) * ca / turn, r = (2.0 * ca - mixed) * ab / turn, q = 1.0 - s - r;
+    if (min3(q, s, r) <= 0.0) return most;
+    double top = abs(4.0 * (ab * q * s + bc * s * r + ca * r * q));
+    return top > most.error ? ErrorAt{top, {s, r}} : most;
+}
+
 // How far a triangle is from its region, and where.
 //
 // If the answer is at most `enough`, nothing in the triangle is farther. Otherwise it is an error
@@ -323,6 +427,7 @@ inline ErrorAt largest_error(const RegionTriangle& triangle, double enough) {
         int depth;
     };
     const std::array<Barycentric, 3> whole{{{0.0, 0.0}, {1.0, 0.0}, {0.0, 1.0}}};
+    if (auto sides = triangle.from_twists()) return largest_of_sides(*sides);
     if (i64 grid = triangle.only_grid(); grid >= 0) return triangle.from_grid(grid, enough);
     std::array<Part, 3 * deepest + 4> parts;
     parts[0] = {whole, {0.0, 0.0, 0.0}, 0};
@@ -373,6 +478,24 @@ public:
     ErrorAt find(
         i64 region, const Corners& places, const std::array<double, 3>& heights, double enough
     ) {
+        return largest_error(triangle_of(region, places, heights), enough);
+    }
+
+    // What the sides of such a triangle miss, where that is known; see RegionTriangle::from_twists.
+    std::optional<std::array<double, 3>> find_sides(
+        i64 region, const Corners& places, const std::array<double, 3>& heights
+    ) {
+        return triangle_of(region, places, heights).from_twists();
+    }
+
+private:
+    const Plan& plan_;
+    const Regions& regions_;
+    std::vector<Corners> corners_;  // where corners are in each element of a region
+
+    RegionTriangle triangle_of(
+        i64 region, const Corners& places, const std::array<double, 3>& heights
+    ) {
         auto covering = regions_.covering_of(region);
         corners_.resize(max(corners_.size(), covering.size()));
         Corners world;
@@ -382,22 +505,16 @@ public:
                 corners_[k][c] = place_in_shape(plan_, covering[k].element, x, y);
             world[c] = world_place(plan_, x, y);
         }
-        return largest_error(
-            {plan_,
-             covering,
-             regions_.rut_depths[region],
-             relief_in(plan_, regions_, region),
-             heights,
-             {corners_.data(), covering.size()},
-             world},
-            enough
-        );
+        return {
+            plan_,
+            covering,
+            regions_.rut_depths[region],
+            relief_in(plan_, regions_, region),
+            heights,
+            {corners_.data(), covering.size()},
+            world
+        };
     }
-
-private:
-    const Plan& plan_;
-    const Regions& regions_;
-    std::vector<Corners> corners_;  // where corners are in each element of a region
 };
 
 }  // namespace terratool::mesh

@@ -13,6 +13,9 @@ namespace terratool::mesh {
 // So many points of the lattice from an edge or a step a vertex is on it: it was rounded.
 constexpr double ROUNDED = 6.0;
 
+// Cells with shorter sides, in points of the lattice, are not meshed by themselves.
+constexpr double SMALLEST_CELL = 4096.0;
+
 // Distance of a place from the middle in radii of the polygon that stands for a disc.
 // It is 1 on the whole polygon. The height is that of the cone over the polygon, so that rings of
 // edges stay level and a disc that ends at 0 meets the ground without a gap.
@@ -55,6 +58,21 @@ INLINE PiecePlace piece_at(const Plan& plan, const CurveAt& curve, i64 group, do
         s = t * curve.count - double(i);
     }
     return {i, s};
+}
+
+// Begin and end of a straight piece of a curve in t, value at the begin and slope.
+struct StraightPiece {
+    double begin, end, value, slope;
+};
+
+inline StraightPiece straight_piece(const Plan& plan, const CurveAt& curve, i64 i) {
+    const Curves& curves = plan.field->curves;
+    auto [value, slope, _, __] = piece_of(curves, curve, i);
+    if (curve.knotted) {
+        i64 knot = curve.knot + i;
+        return {curves.knots[knot], min(curves.knots[knot + 1], 1.0), value, slope};
+    }
+    return {double(i) / curve.count, double(i + 1) / curve.count, value, slope * curve.count};
 }
 
 // `t` within a group; what is nearer than `near_end` to one of its ends is there.

@@ -7,6 +7,7 @@
 
 #include <deque>
 
+#include "cell_patterns.hpp"
 #include "error_bounds.hpp"
 #include "segments.hpp"
 
@@ -102,6 +103,56 @@ public:
         return true;
     }
 
+    // The parallelogram of two triangles of one region along their common edge, if it is one and no
+    // side is shorter than `least`: its corners, counter-clockwise from an end of that edge.
+    std::optional<std::array<Point, 4>> cell_of(i64 t, i64 e, double least) const {
+        i64 other = neighbours_[t][e];
+        if (other < 0 || of_[other] != of_[t]) return std::nullopt;
+        const Side one(*this, t, e);
+        Point a = point(one.a), b = point(one.b), c = point(one.c);
+        Point d = point(triangles_[other][last_corner(edge_to(other, t))]);
+        constexpr i64 rounded = 2;
+        if (abs(a.x + b.x - c.x - d.x) > rounded || abs(a.y + b.y - c.y - d.y) > rounded)
+            return std::nullopt;
+        if (min(length(a, d), length(a, c)) < least) return std::nullopt;
+        return std::array<Point, 4>{a, d, b, c};
+    }
+
+    // Put a pattern in the place of a cell's two triangles; none of its triangles is examined.
+    // `height` gives that of the region at a place.
+    template <class Height>
+    void fill_cell(
+        i64 t, i64 e, const std::array<Point, 4>& cell, const CellPattern& pattern, Height height
+    ) {
+        i64 other = neighbours_[t][e];
+        const Side one(*this, t, e), two(*this, other, edge_to(other, t));
+        std::vector<i32> vertices{one.a, two.c, one.b, one.c};
+        std::vector<double> heights{one.za, two.zc, one.zb, one.zc};
+        const auto [a, d, _, c] = cell;
+        for (std::size_t k = vertices.size(); k < pattern.points.size(); ++k) {
+            auto [s, r] = pattern.points[k];
+            double x = std::nearbyint(double(a.x) + s * double(d.x - a.x) + r * double(c.x - a.x));
+            double y = std::nearbyint(double(a.y) + s * double(d.y - a.y) + r * double(c.y - a.y));
+            vertices.push_back(add_point({i64(x), i64(y)}));
+            heights.push_back(height(x, y));
+        }
+        std::vector<i64> places{t, other};
+        while (places.size() < pattern.triangles.size()) places.push_back(add_triangle());
+        const std::array<i64, 4> beyond{two.to_bc, two.to_ca, one.to_bc, one.to_ca};
+        for (std::size_t k = 0; k < places.size(); ++k) {
+            std::array<i32, 3> corners;
+            std::array<double, 3> own;
+            std::array<i64, 3> neighbours;
+            for (int n = 0; n < 3; ++n) {
+                i32 corner = pattern.triangles[k][n], next = pattern.neighbours[k][n];
+                corners[n] = vertices[corner], own[n] = heights[corner];
+                neighbours[n] = next >= 0 ? places[next] : beyond[-1 - next];
+                if (next < 0) relink(beyond[-1 - next], next >= -2 ? other : t, places[k]);
+            }
+            set(places[k], of_[t], corners, own, neighbours);
+        }
+    }
+
     // All triangles; they are no longer here then.
     EditedTriangles take() {
         queue_.clear();
@@ -186,8 +237,15 @@ private:
         return count() - 1;
     }
 
-    // Set a triangle.
+    // Set a triangle, and have it examined.
     void write(
+        i64 t, i32 region, std::array<i32, 3> corners, std::array<double, 3> heights,
+        std::array<i64, 3> neighbours
+    ) {
+        set(t, region, corners, heights, neighbours);
+        enqueue(t);
+    }
+    void set(
         i64 t, i32 region, std::array<i32, 3> corners, std::array<double, 3> heights,
         std::array<i64, 3> neighbours
     ) {
@@ -195,7 +253,6 @@ private:
         heights_[t] = heights;
         neighbours_[t] = {i32(neighbours[0]), i32(neighbours[1]), i32(neighbours[2])};
         of_[t] = region;
-        enqueue(t);
     }
 
     // Tell a triangle that beyond one of its edges there is another one now.
@@ -271,6 +328,7 @@ public:
             double polygon_error = regions_.polygon_errors[region];
             double enough = max(allowed - polygon_error, least * allowed);
             auto [error, place] = error_of(t, enough);
+            if (error > enough && fill_bilinear(t, enough, polygon_error)) continue;
             if (error <= enough || is_spent(t, enough) || !insert_point(t, place))
                 largest_error_ = max(largest_error_, error + polygon_error);
         }
@@ -308,14 +366,43 @@ private:
         return height_in(plan_, regions_, of_[t], x, y);
     }
 
-    // How far a triangle is from its region, and where.
-    ErrorAt error_of(i64 t, double enough) {
+    Corners places_of(i64 t) const {
         Corners places;
         for (int c = 0; c < 3; ++c) {
             auto [x, y] = point(triangles_[t][c]);
             places[c] = {double(x), double(y)};
         }
-        return errors_.find(of_[t], places, heights_[t], enough);
+        return places;
+    }
+
+    // How far a triangle is from its region, and where.
+    ErrorAt error_of(i64 t, double enough) {
+        return errors_.find(of_[t], places_of(t), heights_[t], enough);
+    }
+
+    // Fill the cell of a triangle and the one beyond its longest edge by a pattern, if the region
+    // is bilinear over it and straight along its sides; whether it was.
+    bool fill_bilinear(i64 t, double enough, double polygon_error) {
+        constexpr double straight = 1e-3;  // of the error
+        i64 e = longest_of(t).edge, other = neighbours_[t][e];
+        auto cell = cell_of(t, e, 0.5 * SMALLEST_CELL);
+        if (!cell) return false;
+        auto missed = [&](i64 of, i64 diagonal) {  // by the diagonal; 0 if it is no such cell
+            auto sides = errors_.find_sides(of_[of], places_of(of), heights_[of]);
+            if (!sides) return 0.0;
+            auto is_straight = [&](i64 side) { return abs((*sides)[side]) <= straight * enough; };
+            bool fits = is_straight(next_corner(diagonal)) && is_straight(last_corner(diagonal));
+            return fits ? abs((*sides)[diagonal]) : 0.0;
+        };
+        double most = missed(t, e), same = missed(other, edge_to(other, t));
+        if (!(most > enough) || abs(most - same) > straight * enough) return false;
+        const CellPattern* pattern = pattern_within((1.0 - 2.0 * straight) * enough / most);
+        if (!pattern) return false;
+        // vertices are rounded to the lattice
+        double missed_most = pattern->reach * most + straight * enough;
+        largest_error_ = max(largest_error_, missed_most + polygon_error);
+        fill_cell(t, e, *cell, *pattern, [&](double x, double y) { return height(t, x, y); });
+        return true;
     }
 
     struct Longest {

@@ -154,6 +154,11 @@ inline Coverage coverage_at(const Plan& plan, i64 index, double x, double y) {
         y_lines = between_lines(plan, e.y, across, at.v);
         y_lines.passed += chords_before(plan.chords.of(index, true), at.v);
     }
+    if (plan.celled[index]) {
+        const Raster& r = raster_of(plan, e.kind);
+        x_lines.passed += cell_at(clamp(at.u, 0.0, 1.0), raster_cells(r, X));
+        y_lines.passed += cell_at(clamp(at.v, 0.0, 1.0), raster_cells(r, Y));
+    }
     bool straight = e.x.linear && e.y.linear;
     u64 side = 0;  // of a disc, or which of two curves counts
     if (is_faceted(e)) side = u64(3 + f.corners + sector(own, f.corners));

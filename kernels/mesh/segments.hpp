@@ -134,6 +134,37 @@ inline Chords find_chords(const Plan& plan) {
     return chords;
 }
 
+// Whether most cells of a grid are so twisted, and so large on the lattice, that each is best
+// meshed by itself, between drawn lines.
+inline bool is_celled(const Plan& plan, const ElementView& e) {
+    constexpr double share = 0.5;       // of the cells
+    constexpr i64 most = i64(1) << 22;  // numbers; of more, cells are small beside what is seen
+    if (!is_raster(e.kind) || !e.frame.drawn || e.element.scale == 0.0) return false;
+    RasterAt raster(plan.field->curves, e.kind);
+    const Raster& r = raster.raster();
+    i64 columns = r.count[X] - 1, rows = r.count[Y] - 1;
+    if (r.pixel || r.voids || !raster.is_in_memory() || min(columns, rows) < 1) return false;
+    if (columns * rows > most) return false;
+    double wide = (e.frame.high[X] - e.frame.low[X]) / double(columns);
+    double tall = (e.frame.high[Y] - e.frame.low[Y]) / double(rows);
+    if (min(wide, tall) < SMALLEST_CELL) return false;
+    i64 twisted = 0;
+    for (i64 j = 0; j < rows; ++j)
+        for (i64 i = 0; i < columns; ++i) {
+            auto [z00, z10, z01, z11] = raster.patch(i, j);
+            double missed = 0.25 * abs(e.element.scale * ((z11 - z01) - (z10 - z00)));
+            twisted += missed > plan.error;
+        }
+    return double(twisted) > share * double(columns * rows);
+}
+
+inline std::vector<u8> find_celled(const Plan& plan) {
+    std::vector<u8> found(plan.frames.size());
+    for (std::size_t index = 0; index < found.size(); ++index)
+        found[index] = is_celled(plan, ElementView(plan, i64(index)));
+    return found;
+}
+
 // What lies outside by less, in points of the lattice, is inside.
 constexpr double SLACK = 1e-3;
 
@@ -211,21 +242,6 @@ INLINE BetweenLines between_lines(const Plan& plan, const Axis& axis, double wei
     return at;
 }
 
-// Begin and end of a straight piece of a curve in t, value at the begin and slope.
-struct StraightPiece {
-    double begin, end, value, slope;
-};
-
-inline StraightPiece straight_piece(const Plan& plan, const CurveAt& curve, i64 i) {
-    const Curves& curves = plan.field->curves;
-    auto [value, slope, _, __] = piece_of(curves, curve, i);
-    if (curve.knotted) {
-        i64 knot = curve.knot + i;
-        return {curves.knots[knot], min(curves.knots[knot + 1], 1.0), value, slope};
-    }
-    return {double(i) / curve.count, double(i + 1) / curve.count, value, slope * curve.count};
-}
-
 // Number of the pieces of a curve, one of no length at the end not counted.
 inline i64 count_pieces(const Plan& plan, const CurveAt& curve) {
     if (!curve.knotted) return i64(curve.count);
@@ -269,6 +285,26 @@ public:
         if (has_classes(e.kind)) draw_classes(e);
         bool straight = e.x.linear && e.y.linear && e.element.scale != 0.0;
         if (straight && (e.kind.combine == MIN || e.kind.combine == MAX)) draw_ties(e);
+    }
+
+    // The lines of a grid whose cells are meshed each by itself, from number to number.
+    void draw_cells(i64 index) {
+        if (!plan_.celled[index]) return;
+        const ElementView e(plan_, index);
+        const Raster& r = raster_of(plan_, e.kind);
+        for (int axis : {X, Y}) {
+            i64 lines = r.count[axis] - 1, length = r.count[1 - axis] - 1;
+            auto [first_line, last_line] = cells_within(e, axis, lines);
+            auto [first, last] = cells_within(e, 1 - axis, length);
+            for (i64 line = first_line; line <= last_line; ++line) {
+                double t = double(line) / double(lines);
+                for (i64 k = first; k < last; ++k) {
+                    double from = double(k) / double(length), to = double(k + 1) / double(length);
+                    if (axis == X) draw_in_shape(e, {t, from}, {t, to});
+                    else draw_in_shape(e, {from, t}, {to, t});
+                }
+            }
+        }
     }
 
 private:
@@ -491,7 +527,7 @@ private:
 inline Segments segments_of(const Plan& plan, Span<const i64> chosen) {
     Segments drawn;
     Drawing drawing(plan, [&](std::array<i64, 4> segment) { drawn.push_back(segment); });
-    for (i64 index : chosen) drawing.draw(index);
+    for (i64 index : chosen) drawing.draw(index), drawing.draw_cells(index);
     for (i64 e = 0; e < plan.outlines.edges.rows(); ++e) {
         auto edge = plan.outlines.edges[e];
         drawn.push_back({edge[0], edge[1], edge[2], edge[3]});
@@ -499,7 +535,7 @@ inline Segments segments_of(const Plan& plan, Span<const i64> chosen) {
     return drawn;
 }
 
-// How many segments elements have.
+// How many segments elements have, lines between the cells of grids apart.
 inline i64 count_segments(const Plan& plan, Span<const i64> chosen) {
     i64 count = 0;
     Drawing drawing(plan, [&](std::array<i64, 4>) { ++count; });

@@ -118,6 +118,7 @@ struct Plan {
     Outlines outlines;
     // found, not given
     Chords chords;
+    std::vector<u8> celled;  // whether the lines of an element's grid are drawn; see segments.hpp
     PatchPyramids pyramids;
 };
 

@@ -38,6 +38,7 @@ public:
         check();
         nb::gil_scoped_release free;
         arrays_.get().chords = find_chords(plan());
+        arrays_.get().celled = find_celled(plan());
         arrays_.get().pyramids = PatchPyramids(plan().field->curves.rasters.size());
     }
     const Plan& plan() { return arrays_.get(); }

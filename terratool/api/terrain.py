@@ -54,7 +54,7 @@ from terratool.sensing.sensor import Sensor, load_sensor
 from terratool.simulators.export import SimulatorReport, plan_export, scene_of
 from terratool.simulators.options import SceneOptions
 from terratool.simulators.options import refuse_idle as refuse_idle_targets
-from terratool.simulators.targets import choose_targets
+from terratool.simulators.targets import choose_targets, refuse_uninstalled
 from terratool.text.source import Source, refuse_name
 from terratool.traversability.compare import names_of, prepare
 from terratool.traversability.request import Request, RouteLine
@@ -89,6 +89,7 @@ if TYPE_CHECKING:
     import mujoco
     import trimesh
     from matplotlib.figure import Figure
+    from pxr import Usd
 
 AnyVehicle = Vehicle | str | Path
 """A vehicle, or the path of its file."""
@@ -202,13 +203,17 @@ class UserTerrain(ShownTerrain):
         return write_dem(self, choice, output, wanted)
 
     @takes(MeshOptions, without=("origin", "normals"))
-    def to_mesh(self, **options: Any) -> trimesh.Trimesh:
-        """Mesh of the terrain with upright walls, in coordinates of the world.
+    def to_mesh(self, *, origin: Origin = "world", **options: Any) -> trimesh.Trimesh:
+        """Mesh of the terrain with upright walls, in memory, in coordinates of the world.
 
-        Faces have the colours of their surfaces. `face_attributes` has "surface", the index of each
-        face's surface in `metadata["surfaces"]` or -1, and "wall", whether it stands upright.
+        Vertices are float64, in units of the terrain. Faces have the colours of their surfaces.
+        `face_attributes` has "surface", int32, the index of each face's surface in
+        `metadata["surfaces"]` or -1, and "wall", whether it stands upright. `metadata["origin"]` is
+        the world position of the mesh's zero.
 
         Args:
+            origin: zero of the coordinates: "world", "local" for the south-west corner of what is
+                meshed, "center" for its middle, or a point of the world.
             **options: options of `MeshOptions`, by name.
 
         Raises:
@@ -216,13 +221,16 @@ class UserTerrain(ShownTerrain):
         """
         from terratool.mesh.as_trimesh import trimesh_of
 
-        return trimesh_of(self, fill(MeshOptions, options))
+        return trimesh_of(self, fill(MeshOptions, options, origin=origin))
 
     @takes(MeshRequest)
     def write_mesh(
         self, path: str | Path, *, overwrite: bool = False, **options: Any
     ) -> AnyMeshReport:
         """Write the terrain as a mesh, as `terratool export-mesh` does.
+
+        Coordinates count from the south-west corner of what is written, as those of the command do:
+        `origin="world"` has those of the world. The report's `origin` says where the zero is.
 
         Args:
             path: file to write, whose suffix names the format.
@@ -282,6 +290,26 @@ class UserTerrain(ShownTerrain):
 
         wanted = replace(fill(SceneOptions, options), origin=origin)
         return mjspec(scene_of(self, self.name, wanted))
+
+    @takes(SceneOptions, only=("max_error", "friction", "per_surface"))
+    def to_usd_stage(self, *, origin: Origin = "world", **options: Any) -> Usd.Stage:
+        """Stage of USD in memory, with what `export_sim` writes for the target "usd".
+
+        Points are near 0, and the root places them in the world, or where `origin` has it.
+
+        Args:
+            origin: zero of the stage: that of the world, the south-west corner, the middle, or a
+                point of the world.
+            **options: options of `SceneOptions`, by name.
+
+        Raises:
+            RequestError: there is no ground, an option makes no sense, or usd-core is missing.
+        """
+        from terratool.simulators.usd import stage_of
+
+        refuse_uninstalled(choose_targets(("usd",)))
+        wanted = replace(fill(SceneOptions, options), origin=origin)
+        return stage_of(scene_of(self, self.name, wanted))
 
     # --- pictures and pages -----------------------------------------------------------------------
 
@@ -501,6 +529,7 @@ class UserTerrain(ShownTerrain):
         poses: str | Path | None = None,
         frame: Literal["world", "sensor"] = "world",
         misses: bool = False,
+        intensity_max: float = 1.0,
         overwrite: bool = False,
         **options: Any,
     ) -> ScanReport:
@@ -513,6 +542,7 @@ class UserTerrain(ShownTerrain):
             poses: path of a CSV file with poses, in place of `pose`.
             frame: axes that points are in.
             misses: whether rays without a reading are kept.
+            intensity_max: intensity of white that is met squarely; 255 for many readers.
             overwrite: whether files may exist.
             **options: options of `ScanOptions`, by name.
 
@@ -523,7 +553,7 @@ class UserTerrain(ShownTerrain):
             WriteError: the file exists or cannot be written.
         """
         scan = _scan(sensor, pose, poses, fill(ScanOptions, options))
-        wanted = ScanOutput(Path(output), frame == "world", misses, overwrite)
+        wanted = ScanOutput(Path(output), frame == "world", misses, overwrite, intensity_max)
         return export_scan(self, scan, wanted)
 
     @takes()

@@ -29,8 +29,8 @@ INTERNAL = frozenset((
     "all_cells", "arrays", "bare", "cells", "columns_at", "compiled", "descr_of", "field",
     "first_track", "footprints", "ground_only", "hidden", "is_shared", "library_roots",
     "numbers_of", "parents", "place_of", "primitive_of", "ray_index", "refuse_degrees",
-    "short_numbers", "source", "storey_ray_index", "with_arrays", "with_curves", "written_out",
-    "written_out_or_none",
+    "short_numbers", "source", "storey_ray_index", "type_of", "with_arrays", "with_curves",
+    "written_out", "written_out_or_none",
 ))  # fmt: skip
 """Names of a terrain that the package itself uses, and completion leaves out."""
 

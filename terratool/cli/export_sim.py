@@ -70,7 +70,7 @@ from terratool.simulators.targets import TARGETS, choose_targets
     ),
 )
 @option_group(
-    "mujoco and gazebo",
+    "mujoco, gazebo and usd",
     click.option(
         "--max-geoms",
         type=int,
@@ -83,6 +83,9 @@ from terratool.simulators.targets import TARGETS, choose_targets
         "--flex", is_flag=True, help="mujoco: Collide with the mesh itself, a rigid flex."
     ),
     click.option("--heightmap", is_flag=True, help="gazebo: A picture of heights, without walls."),
+    click.option(
+        "--per-surface", is_flag=True, help="usd: A Mesh for each surface, as Newton wants it."
+    ),
 )
 @option_group(
     "nav2 and grid-map",

@@ -91,6 +91,14 @@ _SEEN = {
         help="The axes that points are in.",
     ),
     click.option("--misses", is_flag=True, help="Keep rays without a reading, and say why."),
+    click.option(
+        "--intensity-max",
+        type=float,
+        metavar="N",
+        default=1.0,
+        show_default="1",
+        help="The intensity of white that is met squarely; 255 for many readers.",
+    ),
 )
 @overwrite_option("Replace OUT if it exists.")
 @json_option("Say what was read as JSON.")
@@ -104,6 +112,7 @@ def command(
     path_file: str | None,
     frame: str,
     misses: bool,
+    intensity_max: float,
     overwrite: bool,
     as_json: bool,
     **options: Any,
@@ -136,7 +145,7 @@ def command(
     sensor = load_sensor(sensor_file)
     where = read_poses(path_file) if path_file else Poses.join(list(map(one_pose, poses)))
     scan = Scan(sensor, where, ScanOptions(**options))
-    wanted = ScanOutput(Path(output), frame == "world", misses, overwrite)
+    wanted = ScanOutput(Path(output), frame == "world", misses, overwrite, intensity_max)
     wanted.checked_format(scan)
     terrain = load(file, early=partial(refuse_outside, where), storeys="kept")
     with StatusLine("scanning", scan.rays, then="writing", unit="rays") as status:

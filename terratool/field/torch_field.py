@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from terratool.errors import RequestError
 from terratool.field.friction import frictions_of
+from terratool.field.host_field import HostField
 from terratool.field.warp_field import WarpField, check_origin, require_package
 
 if TYPE_CHECKING:
@@ -40,7 +40,9 @@ class TorchField:
     """A terrain on a device, for tensors of PyTorch.
 
     On a CPU it uses the terrain's own kernels, which are faster there than Warp's and give the same
-    results. There are no gradients.
+    results. Heights have gradients where points have them: their derivative by x and y is the slope
+    of the ground, that of its east and north side on an edge. It is 0 outside, in the void, where
+    the slope is infinite, and by z. A wall between two points has no part in it.
 
     Attributes:
         surfaces: names of the surfaces, in the order of their indices.
@@ -69,8 +71,8 @@ class TorchField:
                 'Take "cpu"; "cuda" needs a GPU, and a build of PyTorch for it.',
             ) from error
         self.surfaces, self.origin = terrain.surfaces, check_origin(origin)
-        self._terrain, self._default_friction = terrain, default_friction
-        self._friction = frictions_of(terrain, default_friction)
+        self._default_friction = default_friction
+        self._host = HostField(terrain, self.origin, frictions_of(terrain, default_friction))
         self.asks_terrain = self.device.type == "cpu"
         if not self.asks_terrain:
             _ = self.warp
@@ -83,7 +85,7 @@ class TorchField:
             RequestError: Warp is not installed, or the terrain is too large for a device.
         """
         return WarpField(
-            self._terrain,
+            self._host.terrain,
             str(self.device),
             origin=self.origin,
             default_friction=self._default_friction,
@@ -92,7 +94,7 @@ class TorchField:
     def height(self, points: torch.Tensor, *, below: bool = False) -> torch.Tensor:
         """Heights at points, (…) float32 above the origin's; NaN outside and in the void.
 
-        They are those of the highest tops.
+        They are those of the highest tops, and have gradients where points have them.
 
         Args:
             points: (…, 2) float32 or float64 on the device, x and y from the origin; with `below`
@@ -102,18 +104,15 @@ class TorchField:
         Raises:
             RequestError: the points have another shape, type or device.
         """
-        import torch
+        self._check_points(points, below)
+        if not points.requires_grad:
+            return self._heights(points)
+        from terratool.field.torch_gradient import GroundHeight
 
-        points = self._check_points(points, below)
-        if self.asks_terrain:
-            height = self._terrain.height(*self._world(points))
-            return torch.from_numpy(self._from_origin(height))
-        height = torch.empty(points.shape[:-1], dtype=torch.float32, device=self.device)
-        self._launch(points, height)
-        return height
+        return GroundHeight.apply(points, self._heights, self._slopes)
 
     def sample(self, points: torch.Tensor, *, below: bool = False) -> TorchSample:
-        """Height, normal, surface and friction at points.
+        """Height, normal, surface and friction at points; only heights have gradients.
 
         Args:
             points: (…, 2) float32 or float64 on the device, x and y from the origin; with `below`
@@ -123,15 +122,31 @@ class TorchField:
         Raises:
             RequestError: the points have another shape, type or device.
         """
+        self._check_points(points, below)
+        found = self._samples(points.detach())
+        if not points.requires_grad:
+            return found
+        from terratool.field.torch_gradient import GroundHeight
+
+        return found._replace(
+            height=GroundHeight.apply(points, lambda _: found.height, self._slopes)
+        )
+
+    def _heights(self, points: torch.Tensor) -> torch.Tensor:
         import torch
 
-        points = self._check_points(points, below)
+        points = points.detach()
         if self.asks_terrain:
-            at = self._terrain.sample(*self._world(points))
-            friction = self._friction[at.surface + 1]
-            friction = np.where(np.isnan(at.height), np.float32(np.nan), friction)
-            found = self._from_origin(at.height), at.normal.astype(np.float32), at.surface, friction
-            return TorchSample(*(torch.from_numpy(np.asarray(each)) for each in found))
+            return torch.from_numpy(self._host.height(points.numpy()))
+        height = torch.empty(points.shape[:-1], dtype=torch.float32, device=self.device)
+        self._launch(points, height)
+        return height
+
+    def _samples(self, points: torch.Tensor) -> TorchSample:
+        import torch
+
+        if self.asks_terrain:
+            return TorchSample(*map(torch.from_numpy, self._host.sample(points.numpy())))
         shape, device = points.shape[:-1], self.device
         out = TorchSample(
             torch.empty(shape, dtype=torch.float32, device=device),
@@ -142,7 +157,16 @@ class TorchField:
         self._launch(points, *out)
         return out
 
-    def _check_points(self, points: torch.Tensor, below: bool) -> torch.Tensor:
+    def _slopes(self, points: torch.Tensor) -> torch.Tensor:
+        """Slopes of the ground at points, (…, 2); NaN without ground."""
+        import torch
+
+        if self.asks_terrain:
+            return torch.from_numpy(self._host.slopes(points.numpy()))
+        normal = self._samples(points).normal
+        return -normal[..., :2] / normal[..., 2:]
+
+    def _check_points(self, points: torch.Tensor, below: bool) -> None:
         import torch
 
         size, names = (3, "x, y and z") if below else (2, "x and y")
@@ -156,20 +180,6 @@ class TorchField:
                 f"The points are on {points.device}, the terrain is on {self.device}.",
                 "Bring the one to the other.",
             )
-        return points.detach()
-
-    def _world(self, points: torch.Tensor) -> list[NDArray[np.float64]]:
-        """World coordinates of points on a CPU, float64, each by itself."""
-        along = np.moveaxis(points.numpy(), -1, 0)
-        return [
-            np.add(x, zero, dtype=np.float64) for x, zero in zip(along, self.origin, strict=False)
-        ]
-
-    def _from_origin(self, height: Any) -> NDArray[np.float32]:
-        """Heights above the origin's height, float32."""
-        found = np.empty(np.shape(height), np.float32)
-        np.subtract(height, self.origin[2], out=found, casting="same_kind")
-        return found
 
     def _launch(self, points: torch.Tensor, *out: torch.Tensor) -> None:
         """Launch the kernel of Warp to fill tensors, on PyTorch's current stream of the device."""

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from terratool.errors import RequestError
 from terratool.extras import install_command
 from terratool.field.friction import frictions_of
+from terratool.field.host_field import HostField
 from terratool.field.records import IN_CELLS, SAMPLES, FieldArrays, TrackArrays
 
 if TYPE_CHECKING:
@@ -58,10 +59,14 @@ class WarpSample(NamedTuple):
 class WarpField:
     """A terrain on a device, for arrays of Warp.
 
+    On a CPU `height`, `sample` and `launch` use the terrain's own kernels, which are faster there
+    than Warp's and give the same results.
+
     Attributes:
         surfaces: names of the surfaces, in the order of their indices.
         origin: world position of the zero of points and heights.
         device: Warp device.
+        asks_terrain: whether the terrain's own kernels are used rather than Warp's.
         field: array of the struct `terratool.field.warp_kernels.DeviceField`, for your own kernels:
             one for the ground, and two for each sheet of storeys.
         ground_at: Warp function for your own kernels: `ground_at(field, x, y)`, world coordinates
@@ -94,6 +99,9 @@ class WarpField:
         from terratool.field.warp_kernels import DeviceField, compile_kernels
 
         self.surfaces, self.origin = terrain.surfaces, check_origin(origin)
+        friction = frictions_of(terrain, default_friction)
+        self.asks_terrain = not self.device.is_cuda
+        self._host = HostField(terrain, self.origin, friction)
         terrain = terrain.written_out
         storeys = terrain.storeys
         sheets = () if storeys is None else storeys.sheets
@@ -113,7 +121,6 @@ class WarpField:
                 f"have room for {_SHEETS[-1]}.",
                 "Ask terrain.height, or have fewer of them overlap.",
             )
-        friction = frictions_of(terrain, default_friction)
         self._structs = [_struct_of(one, self.origin, friction, self.device) for one in plain]
         if storeys is not None:
             _add_storeys(_Maker(self.device), self._structs, storeys)
@@ -180,6 +187,17 @@ class WarpField:
         """
         import warp as wp
 
+        if self.asks_terrain:
+            at = points.numpy()
+            if normal is surface is friction is None:
+                height.assign(self._host.height(at))
+                return
+            for array, found in zip(
+                (height, normal, surface, friction), self._host.sample(at), strict=True
+            ):
+                if array is not None:
+                    array.assign(found)
+            return
         each = 1 if self.device.is_cuda else _EACH
         is_double = points.dtype in (wp.vec2d, wp.vec3d)
         numbers = points.view(wp.float64 if is_double else wp.float32)

@@ -134,7 +134,7 @@ def _mesh_of(generator: TerrainGenerator) -> trimesh.Trimesh:
     """Mesh of the terrain, with colours as the configuration asks for."""
     import trimesh
 
-    options = MeshOptions(max_error=generator.max_error)
+    options = MeshOptions(max_error=generator.max_error, origin="world")
     mesh = trimesh_of(generator.curriculum.terrain, options)
     scheme = generator.cfg.color_scheme
     if scheme == "height":
@@ -251,7 +251,7 @@ class TileCfg:
             "kinds": {"tile": dict(cfg.kind)},
         }
         made = made_of(members, cfg.folder)
-        mesh = trimesh_of(made.terrain, MeshOptions(max_error=cfg.max_error))
+        mesh = trimesh_of(made.terrain, MeshOptions(max_error=cfg.max_error, origin="world"))
         return [mesh], made.origins[0, 0].copy()
 
     def copy(self) -> TileCfg:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from terratool.extras import install_command
 from terratool.io import csv_, las, npz, pcd, ply
 from terratool.io.points import Columns, PointBatch, Wanted
 from terratool.report.wording import join_words
+from terratool.text.numbers import parse_number
 
 Floats = NDArray[np.float64]
 PointReader = Callable[[Path, Wanted], Iterator[PointBatch]]
@@ -23,6 +24,8 @@ MOST = 1e30
 """Bound on numbers, exclusive: larger ones become NaN, as squares and float32 must hold them."""
 SENSOR_AXES = "axes of the sensor"
 """Comment of a cloud whose points are in the axes of the sensor."""
+TIME_ZERO = "time counts from"
+"""Beginning of the comment of a cloud whose times count from another time than 0, s."""
 READERS: dict[str, PointReader] = {
     ".npz": npz.read_points, ".csv": csv_.read_points, ".ply": ply.read_points,
     ".pcd": pcd.read_points, ".las": las.read_points, ".laz": las.read_points,
@@ -93,6 +96,15 @@ def rotation_matrices(turns: Floats) -> Floats:
         [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
     ]
     return np.moveaxis(np.array(rows), -1, 0)
+
+
+def time_zero(comments: Iterable[str]) -> float:
+    """Time from which the times of a cloud count, s, by its comments; 0 unless one says so."""
+    for comment in comments:
+        number = parse_number(comment.removeprefix(TIME_ZERO)) if TIME_ZERO in comment else None
+        if number is not None and abs(number) < MOST:
+            return number
+    return 0.0
 
 
 def numbers_of(column: NDArray[Any]) -> Floats:

@@ -14,12 +14,13 @@ if TYPE_CHECKING:
     import trimesh
 
 
-def trimesh_of(terrain: Terrain, options: MeshOptions = MeshOptions()) -> trimesh.Trimesh:  # noqa: B008 -- frozen
-    """Mesh of a terrain with walls, as trimesh has it, in coordinates of the world.
+def trimesh_of(terrain: Terrain, options: MeshOptions) -> trimesh.Trimesh:
+    """Mesh of a terrain with walls, as trimesh has it, with its zero where the options have it.
 
     Its vertices are float64 and those that files get before they are rounded to float32. Faces
     have the colours of their surfaces. `face_attributes` has the arrays `surface`, int32, an index
-    into `metadata["surfaces"]` or -1, and `wall`, bool. `metadata` has the reached `error`, too.
+    into `metadata["surfaces"]` or -1, and `wall`, bool. `metadata` has the reached `error`, too,
+    and the world position of the mesh's zero, `origin`.
 
     Args:
         terrain: terrain to mesh.
@@ -33,14 +34,17 @@ def trimesh_of(terrain: Terrain, options: MeshOptions = MeshOptions()) -> trimes
     fit = fitted_mesh(terrain, options).fit
     mesh = fit.built.mesh
     colors = np.array([*mesh.colors.tolist(), NO_COLOR], np.uint8)  # the last one is that of -1
+    vertices, origin = mesh.vertices, mesh.origin
+    if options.world:
+        vertices, origin = vertices + origin, np.zeros(3)
     return trimesh.Trimesh(
-        vertices=mesh.vertices + mesh.origin,
+        vertices=vertices,
         faces=mesh.faces,
         face_colors=colors[mesh.surfaces],
         face_attributes={"surface": mesh.surfaces, "wall": mesh.walls},
         metadata={
-            "surfaces": mesh.names, "error": fit.built.error, "descr": terrain.descr,
-            "crs": terrain.crs,
+            "surfaces": mesh.names, "error": fit.built.error, "origin": tuple(origin.tolist()),
+            "descr": terrain.descr, "crs": terrain.crs,
         },
         process=False,
     )  # fmt: skip

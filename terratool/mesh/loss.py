@@ -231,7 +231,10 @@ def wall_summary(mesh: Mesh, shell: int | None = None) -> WallSummary:
     upright = mesh.faces[:shell][mesh.walls[:shell]]
     if not len(upright):
         return WallSummary()
-    x, y, z = mesh.vertices.T
+    used, index = np.unique(upright, return_inverse=True)
+    upright = index.reshape(upright.shape).astype(np.int32)
+    vertices = mesh.vertices[used]
+    x, y, z = vertices.T
     _, place = np.unique(x + 1j * y, return_inverse=True)
     place = place.reshape(-1).astype(np.int64)
     ends = place[upright]
@@ -254,7 +257,7 @@ def wall_summary(mesh: Mesh, shell: int | None = None) -> WallSummary:
     heights = np.maximum.reduceat(top, begins) - bottom[begins]
     best = int(heights.argmax())
     vertex = sides[order[begins[best]], 0]
-    a, b, c = (mesh.vertices[upright[:, k]] for k in range(3))
+    a, b, c = (vertices[upright[:, k]] for k in range(3))
     return WallSummary(
         length=float(along.sum()),
         area=float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2),

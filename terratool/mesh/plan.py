@@ -305,18 +305,17 @@ def _bends(pieces: _Pieces) -> NDArray[np.float64]:
 def _piece_bounds(pieces: _Pieces) -> NDArray[Any]:
     """Return the PIECE_BOUNDS of a curve, level by level."""
     hulls = curve_hulls(pieces.cubics)
-    level = np.zeros(len(pieces.starts), PIECE_BOUNDS)
-    level["low"], level["high"] = hulls.min(axis=0), hulls.max(axis=0)
-    level["slope"], level["bend"] = _steepest(pieces), _bends(pieces)
+    # what is greatest grows, and so does the least with its sign turned
+    level = np.stack([-hulls.min(axis=0), hulls.max(axis=0), _steepest(pieces), _bends(pieces)])
     rows, wide = [level], 1
-    while 2 * wide <= len(level):
+    while 2 * wide <= level.shape[1]:
         below, level = level, level.copy()
-        for name, widen in (("low", np.minimum), ("high", np.maximum), ("slope", np.maximum),
-                            ("bend", np.maximum)):  # fmt: skip
-            level[name][:-wide] = widen(below[name][:-wide], below[name][wide:])
+        np.maximum(below[:, :-wide], below[:, wide:], out=level[:, :-wide])
         rows.append(level)
         wide *= 2
-    return np.concatenate(rows)
+    bounds = np.ascontiguousarray(np.concatenate(rows, axis=1).T)
+    bounds[:, 0] *= -1.0
+    return bounds.view(PIECE_BOUNDS)[:, 0]
 
 
 def _turns(pieces: _Pieces) -> NDArray[np.float64]:

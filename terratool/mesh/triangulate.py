@@ -144,16 +144,19 @@ def delaunay(
         except RuntimeError:  # edges at tiny angles: hardly any room beside a crossing
             if within or attempt == _ATTEMPTS - 1:
                 raise
+    outer = 0 if within else 3  # corners of the triangle around all, which are the first vertices
     if within:
         cdt.erase_outer_triangles_and_holes()
-    else:
-        cdt.erase_super_triangle()
-    vertices, triangles = cdt.vertices_array(), cdt.triangles_array()
-    neighbours = triangles["neighbors"]
+    vertices, found = cdt.vertices_array()[outer:], cdt.triangles_array()
+    # the library's own way to erase what has an outer corner looks all edges up
+    kept: NDArray[np.bool_] = np.asarray((found["vertices"] >= outer).all(axis=1))
+    triangles, neighbours = found["vertices"][kept], found["neighbors"][kept]
+    index = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1).astype(np.int32)
+    neighbours[neighbours == _NONE] = len(kept)
     return (
         np.column_stack([vertices["x"], vertices["y"]]),
-        triangles["vertices"].astype(np.int32),
-        np.where(neighbours == _NONE, -1, neighbours.astype(np.int64)).astype(np.int32),
+        (triangles - np.uint32(outer)).astype(np.int32),
+        index[neighbours],
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terratool.errors import ReadError
-from terratool.io.clouds import numbers_of, reader_of, world_columns
+from terratool.io.clouds import numbers_of, reader_of, time_zero, world_columns
 from terratool.io.points import PointBatch
 
 Floats = NDArray[np.float64]
@@ -78,6 +78,9 @@ def _cloud(path: Path, read: PointBatch) -> Cloud:
     def of(name: str) -> Floats | None:
         return numbers_of(columns[name][kept]) if name in columns else None
 
+    time = of("time")
+    if time is not None:
+        time += time_zero(read.comments)
     surface = columns.get("surface")
     if surface is not None:
         given = surface[kept]
@@ -88,7 +91,7 @@ def _cloud(path: Path, read: PointBatch) -> Cloud:
         points[kept],
         of("origin"),
         of("range"),
-        of("time"),
+        time,
         surface,
         surfaces,
         of("variance"),

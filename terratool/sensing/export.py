@@ -23,6 +23,9 @@ from terratool.sensing.readings import ReadingStatus
 from terratool.sensing.scan import Scan, ScanTally
 from terratool.sensing.sensor import Camera
 
+_LARGEST_INTENSITY = 65535
+"""Largest intensity of any driver, that of 16 bits."""
+
 
 @dataclass(frozen=True, slots=True)
 class ScanOutput:
@@ -33,12 +36,14 @@ class ScanOutput:
         world: whether points are in world axes; else in sensor axes.
         misses: whether rays without a reading are kept.
         overwrite: whether to replace existing files.
+        intensity_max: intensity that stands for 1, that of a white surface met squarely.
     """
 
     path: Path
     world: bool = True
     misses: bool = False
     overwrite: bool = False
+    intensity_max: float = 1.0
 
     def checked_format(self, scan: Scan) -> ScanFormat:
         """Format of the path, checked against the scan.
@@ -64,6 +69,8 @@ class ScanOutput:
                 f"--frame sensor has no effect on {suffix}, which has the sensor's axes anyway.",
                 "Leave it out.",
             )
+        if self.intensity_max != 1.0:
+            self._check_intensity(form, scan)
         if not form.folder:
             refuse_existing(self.path, self.overwrite, form.companions)
             for number in range(scan.frames if form.images else 0):
@@ -72,6 +79,29 @@ class ScanOutput:
             refuse_folder(self.path, self.overwrite, files_of_bag(self.path))
         refuse_missing_folder(self.path)
         return form
+
+    def _check_intensity(self, form: ScanFormat, scan: Scan) -> None:
+        """Refuse a largest intensity that is no number for one, or of which nothing is written.
+
+        Raises:
+            RequestError: it is refused.
+        """
+        if not 0.0 < self.intensity_max <= _LARGEST_INTENSITY:
+            raise RequestError(
+                f"The largest intensity is {self.intensity_max:g}.",
+                f"Give a number above 0, up to {_LARGEST_INTENSITY:,}, with --intensity-max: "
+                "255 is usual.",
+            )
+        suffix, kind = self.path.suffix.lower(), scan.sensor.kind
+        if form.images or (form.folder and kind == "camera"):
+            why = f"on images, and {suffix} has these of a camera"
+        elif kind == "sonar":
+            why = "on a sonar, whose intensities are amplitudes"
+        elif not form.intensity:
+            why = f"on {suffix}, whose intensities are from 0 to 65,535 anyway"
+        else:
+            return
+        raise RequestError(f"--intensity-max has no effect {why}.", "Leave it out.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +165,9 @@ def export_scan(
     terrain.refuse_degrees("A sensor")
     form = output.checked_format(scan)
     scan = scan.check_poses(terrain)
-    record = Record(terrain, scan.sensor, scan.frames, output.world, output.misses)
+    record = Record(
+        terrain, scan.sensor, scan.frames, output.world, output.misses, output.intensity_max
+    )
     tally = ScanTally.of(terrain)
     frames = tally.count(scan.read(terrain, progress))
     if form.folder:

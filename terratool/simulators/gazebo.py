@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from pathlib import Path
 
-from terratool.report.numbers import metres, per_cent
+from terratool.report.numbers import metres, never_quite, per_cent
 from terratool.report.wording import count_of
-from terratool.simulators.boxes import BOXES, box_place, size_of, with_boxes
 from terratool.simulators.heightmap import HeightMap, write_heightmap
+from terratool.simulators.level_solids import LevelSolid
 from terratool.simulators.markup import child, comment, numbers, one_line, rgba, write_xml
-from terratool.simulators.pieces import write_contacts, write_pieces
+from terratool.simulators.pieces import Contacts, write_contacts
 from terratool.simulators.scene import Material, Scene
 from terratool.simulators.targets import WrittenFiles
 
@@ -61,39 +62,65 @@ _UNREAD = (
 
 
 def _add_meshes(scene: Scene, link: ET.Element, folder: Path) -> WrittenFiles:
-    """Add a collision and a visual for each surface, and collisions for boxes of level decks."""
-    pieces = write_pieces(scene, folder)
-    contacts = write_contacts(scene, folder, pieces)
-    for (one, file), contact in zip(pieces, contacts, strict=True):
+    """Add a visual for each surface, and collisions: boxes, cylinders, and what is left of it."""
+    contacts = write_contacts(scene, folder)
+    place = f"{numbers(scene.offset)} 0 0 0"
+    for surface in contacts.surfaces:
+        one = surface.material
         comment(link, f"surface {one.name}: friction {one.friction:.4g}, {one.derivation}")
-        for kind, own in (("collision", contact.file), ("visual", file)):
-            if own is None:
-                continue
-            shape = child(link, kind, name=f"{one.word}_{kind}")
-            child(shape, "pose", f"{numbers(scene.offset)} 0 0 0")
-            child(child(child(shape, "geometry"), "mesh"), "uri", own)
-            _add_color(shape, one) if kind == "visual" else _add_contact(shape, one)
-        for number, box in enumerate(contact.boxes):
-            shape = child(link, "collision", name=f"{one.word}_box_{number}")
-            child(shape, "pose", f"{numbers(box_place(scene, box))} 0 0 {box.turn:.9g}")
-            child(child(child(shape, "geometry"), "box"), "size", numbers(size_of(box)))
-            _add_contact(shape, one)
-    faces, boxes = len(scene.mesh.faces), len(scene.boxes)
+        if surface.file is not None:
+            geometry = _add_collision(link, f"{surface.name}/mesh", place, one)
+            child(child(geometry, "mesh"), "uri", surface.file)
+        for solid in surface.solids:
+            pose = f"{numbers(solid.center(scene))} 0 0 {solid.shape.turn:.9g}"
+            _add_shape(_add_collision(link, solid.name, pose, one), solid.shape)
+        visual = child(link, "visual", name=f"{surface.name}/visual")
+        child(visual, "pose", place)
+        child(child(child(visual, "geometry"), "mesh"), "uri", surface.seen)
+        _add_color(visual, one)
+    faces = len(scene.mesh.faces)
     return WrittenFiles(
-        summary=f"a mesh for each of {count_of(len(pieces), 'surface')} is seen and collides, of"
-        f" {count_of(faces, 'face')} together{with_boxes(boxes)}",
+        summary=f"a mesh for each of {count_of(len(contacts.surfaces), 'surface')} is seen, of"
+        f" {count_of(faces, 'face')} together; {contacts.summary} to collide with",
         language="sh",
         load=_LOAD,
         notes=(
             *_NOTES,
-            "Each surface has a file of its own, which is seen and collides: Gazebo Sim takes the"
-            " whole of a file for a collision, whatever `<submesh>` says.",
-            *(BOXES,) * bool(boxes),
+            "Each surface has files of its own: Gazebo Sim takes the whole of a file for a"
+            " collision, whatever `<submesh>` says.",
+            *contacts.note,
             *_RETRO,
         ),
-        losses=(_UNREAD.format("meshes"),),
-        facts={"faces": faces, **({"boxes": boxes} if boxes else {})},
+        losses=tuple(_mesh_losses(contacts)),
+        facts={"faces": faces, **contacts.facts},
     )
+
+
+def _mesh_losses(contacts: Contacts) -> Iterator[str]:
+    """Yield sentences on meshes that collide, if there are any."""
+    if contacts.faces:
+        part = f" ({never_quite(contacts.meshed)} of the ground, and walls)" * contacts.reduced
+        yield _UNREAD.format(f"meshes{part}")
+    yield from contacts.losses
+
+
+def _add_collision(link: ET.Element, name: str, pose: str, one: Material) -> ET.Element:
+    """Add a collision of a material to a link, and return its geometry, to be filled."""
+    shape = child(link, "collision", name=name)
+    child(shape, "pose", pose)
+    geometry = child(shape, "geometry")
+    _add_contact(shape, one)
+    return geometry
+
+
+def _add_shape(geometry: ET.Element, shape: LevelSolid) -> None:
+    length, width, height = shape.size
+    if shape.is_round:
+        cylinder = child(geometry, "cylinder")
+        child(cylinder, "radius", numbers([0.5 * length]))
+        child(cylinder, "length", numbers([height]))
+    else:
+        child(child(geometry, "box"), "size", numbers((length, width, height)))
 
 
 def _add_color(shape: ET.Element, one: Material) -> None:

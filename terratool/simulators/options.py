@@ -25,6 +25,7 @@ _ABOUT = {
     "max_geoms": ["mujoco"],
     "flex": ["mujoco"],
     "heightmap": ["gazebo"],
+    "per_surface": ["usd"],
     "vehicle": ["nav2", "grid-map"],
     "max_slope": ["nav2"],
     "max_step": ["nav2"],
@@ -49,6 +50,8 @@ class SceneOptions:
         flex: MuJoCo: whether the exact mesh collides as rigid flexes, in place of solids and height
             fields.
         heightmap: Gazebo: whether a picture of heights replaces the mesh.
+        per_surface: USD: whether each surface is a Mesh of its own, for Newton, in place of a
+            GeomSubset of one Mesh.
         vehicle: Nav2 and grid_map: file of the vehicle whose verdict decides; None for no vehicle.
         max_slope: Nav2: steepest slope that can be driven without a vehicle, above 0 and below 90°.
         max_step: Nav2: highest step that can be driven without a vehicle, from 0 on.
@@ -63,6 +66,7 @@ class SceneOptions:
     max_geoms: int = MAX_GEOMS
     flex: bool = False
     heightmap: bool = False
+    per_surface: bool = False
     vehicle: str | Path | None = None
     max_slope: float = MAX_SLOPE
     max_step: float = MAX_STEP

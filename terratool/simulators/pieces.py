@@ -15,12 +15,27 @@ from terratool.mesh.formats.common import (
     plain_names,
     points_of,
     shape_of,
+    surface_parts,
 )
 from terratool.mesh.formats.obj import write_obj
 from terratool.mesh.types import CornerNormals, Mesh
-from terratool.simulators.boxes import CONTACTS, faces_on
-from terratool.simulators.collision.solids import PlanRectangle
+from terratool.report.wording import count_of, join_words
+from terratool.simulators.level_solids import MOST_SOLIDS, LevelSolid
+from terratool.simulators.naming import ContactNames
 from terratool.simulators.scene import Material, Scene
+from terratool.simulators.uncovered import uncovered
+
+CONTACTS = "collision"
+"""Folder of meshes that collide, where these are not those that are seen."""
+_SOLIDS = (
+    "Level ground and level decks collide as boxes and cylinders, with the friction of their"
+    f" surface. What is left of a mesh then is in the folder `{CONTACTS}`; what is seen is the"
+    " whole of it. Boxes may go on under higher ground."
+)
+_FULL = (
+    f"There are {MOST_SOLIDS:,} boxes and cylinders at most, for the largest level ground; the"
+    " rest of it is left to meshes."
+)
 
 
 def write_pieces(scene: Scene, folder: Path) -> list[tuple[Material, str]]:
@@ -38,44 +53,124 @@ def write_pieces(scene: Scene, folder: Path) -> list[tuple[Material, str]]:
     return list(zip(materials, files, strict=True))
 
 
-class SurfaceContact(NamedTuple):
-    """Mesh and boxes of a surface that collide.
+class NamedSolid(NamedTuple):
+    """A box or cylinder with the name of its collision.
 
     Attributes:
-        file: mesh; None where boxes stand for all of its faces.
-        boxes: exact boxes of level decks, in the coordinates of the mesh.
+        name: name in the files, different from those of others.
+        shape: box or cylinder, in the coordinates of the mesh.
     """
 
+    name: str
+    shape: LevelSolid
+
+    def center(self, scene: Scene) -> tuple[float, float, float]:
+        """Return the place of the middle in the files."""
+        x, y, z = np.add(scene.offset, self.shape.center).tolist()
+        return x, y, z
+
+
+class SurfaceContact(NamedTuple):
+    """Files and solids of a surface, to be seen and to collide.
+
+    Attributes:
+        material: figures of the surface.
+        name: begin of the names of what it has.
+        seen: file of the mesh that is seen.
+        file: file of the mesh that collides; None where solids stand for all of it.
+        solids: boxes and cylinders.
+    """
+
+    material: Material
+    name: str
+    seen: str
     file: str | None
-    boxes: list[PlanRectangle]
+    solids: list[NamedSolid]
 
 
-def write_contacts(
-    scene: Scene, folder: Path, pieces: list[tuple[Material, str]]
-) -> list[SurfaceContact]:
-    """Write an OBJ without the faces of boxes for each surface that has such.
+class Contacts(NamedTuple):
+    """Meshes, boxes and cylinders that collide, by surface.
 
-    Returns:
-        What collides of each of the surfaces that `write_pieces` has returned.
+    Attributes:
+        surfaces: each surface.
+        boxes: number of boxes.
+        cylinders: number of cylinders.
+        faces: number of faces of meshes that collide.
+        meshed: share of the ground that is left to meshes, walls and undersides apart, 0 to 1.
     """
-    on = faces_on(scene.mesh, [box for _, box in scene.boxes], scene.options.max_error)
+
+    surfaces: list[SurfaceContact]
+    boxes: int
+    cylinders: int
+    faces: int
+    meshed: float
+
+    @property
+    def summary(self) -> str:
+        """Meshes, boxes and cylinders in a few words."""
+        kinds = ((self.boxes, "box"), (self.cylinders, "cylinder"))
+        words = [count_of(count, kind) for count, kind in kinds if count]
+        if self.faces:
+            words.append(f"meshes of {count_of(self.faces, 'face')}")
+        return join_words(words)
+
+    @property
+    def reduced(self) -> bool:
+        """Whether there are solids."""
+        return self.boxes + self.cylinders > 0
+
+    @property
+    def facts(self) -> dict[str, object]:
+        """Figures for programs."""
+        return {"boxes": self.boxes, "cylinders": self.cylinders, "meshed": self.meshed}
+
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """Sentence on level ground that is left to meshes; none where no more was to be had."""
+        return (_FULL,) * (self.boxes + self.cylinders >= MOST_SOLIDS)
+
+    @property
+    def note(self) -> tuple[str, ...]:
+        """Paragraph on solids; none without any."""
+        return (_SOLIDS,) * self.reduced
+
+
+def write_contacts(scene: Scene, folder: Path) -> Contacts:
+    """Write an OBJ for each surface that is seen, and of what is left of it where that is less."""
+    pieces = write_pieces(scene, folder)
+    left = uncovered(scene.mesh, scene.level_solids, scene.options.max_error)
+    parts = {part.surface: part for part in surface_parts(left)}
+    named = _named(scene)
     found = []
-    for part, (one, file) in zip(scene.parts, pieces, strict=True):
-        boxes = [box for surface, box in scene.boxes if surface == part.surface]
-        own = np.flatnonzero(scene.mesh.surfaces == part.surface)
-        kept = ~on[own]
-        if kept.all():
-            found.append(SurfaceContact(file, boxes))
-        elif not kept.any():
-            found.append(SurfaceContact(None, boxes))
-        else:
+    for part, (one, seen) in zip(scene.parts, pieces, strict=True):
+        solids = [own for own in named if own.shape.surface == part.surface]
+        own, file = parts.get(part.surface), None
+        if not solids and own is not None:
+            file = seen
+        elif own is not None:
             (folder / CONTACTS).mkdir(exist_ok=True)
-            # Gazebo reads no mesh without normals
-            normals = None if part.normals is None else part.normals[kept]
-            left = replace(part, faces=part.faces[kept], normals=normals)
-            write_obj(_piece(scene.mesh, left, one), folder / CONTACTS / file, scene.terrain.descr)
-            found.append(SurfaceContact(f"{CONTACTS}/{file}", boxes))
-    return found
+            file = f"{CONTACTS}/{seen}"
+            write_obj(_piece(left, own, one), folder / file, scene.terrain.descr)
+        found.append(SurfaceContact(one, f"{scene.name}/{one.word}", seen, file, solids))
+    cylinders = sum(shape.is_round for shape in scene.level_solids)
+    boxes = len(scene.level_solids) - cylinders
+    whole = _ground_area(scene.mesh)
+    return Contacts(found, boxes, cylinders, len(left.faces), _ground_area(left) / whole)
+
+
+def _named(scene: Scene) -> list[NamedSolid]:
+    """Return the solids of a scene with their names, by the elements that their tops are of."""
+    shapes = scene.level_solids
+    places = [np.array([(*shape.seen, shape.top)]) for shape in shapes]
+    names = ContactNames(scene).at([shape.surface for shape in shapes], places)
+    return [NamedSolid(*pair) for pair in zip(names, shapes, strict=True)]
+
+
+def _ground_area(mesh: Mesh) -> float:
+    """Return the area of the faces of a mesh that look up and are no walls."""
+    corners = mesh.vertices[mesh.faces[~mesh.walls]]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return 0.5 * float(np.linalg.norm(normals[normals[:, 2] > 0.0], axis=1).sum())
 
 
 def file_names(materials: Iterable[Material], ending: str) -> list[str]:

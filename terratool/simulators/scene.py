@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import numpy as np
 from msgspec import UNSET
 
 from terratool.cluster import Crew, Threads
@@ -24,6 +26,7 @@ from terratool.mesh.formats.common import (
     plain_names,
     surface_parts,
 )
+from terratool.mesh.joined import build_joined
 from terratool.mesh.loss import MeshLoss
 from terratool.mesh.normals import with_normals
 from terratool.mesh.origin import zero_of
@@ -35,16 +38,17 @@ from terratool.raster.grid import Grid
 from terratool.report.numbers import metres
 from terratool.report.wording import count_of
 from terratool.simulators.cells import cell_grid
-from terratool.simulators.collision.build import level_boxes
 from terratool.simulators.collision.grid_patch import error_of_pixels, grid_patch, is_one_grid
 from terratool.simulators.collision.height_patch import HeightPatch
-from terratool.simulators.collision.solids import PlanRectangle
+from terratool.simulators.level_solids import LevelSolid, level_solids_of
 from terratool.simulators.options import SceneOptions
 from terratool.tasks import processors
 from terratool.traversability.judge import CellVerdict, Judge
 
 _MOST_FACES, _MANY_FACES = 20_000_000, 2_000_000
 """Most faces of a mesh, about, and those that are proposed in place of more."""
+_TILED_FACES = 1_000_000
+"""Faces, about, of which a mesh is built by tiles, so that it takes less memory."""
 _ABOVE = 1.05
 """Factor on an error that is proposed, so that it stays enough when it is told in two digits."""
 
@@ -120,12 +124,20 @@ class Scene:
             RequestError: there is no ground, or its mesh would be too large.
         """
         self.say(f"meshing within {metres(error)}")
-        self._refuse_faces(error)
-        built = collapse_degenerate(build_all(self.terrain, error))
+        built = self._built_within(error)
         if not len(built.mesh.faces):
             raise no_ground()
         self.say(f"{count_of(len(built.mesh.faces), 'face')} within {metres(error)}")
         return built
+
+    def _built_within(self, error: float) -> BuiltMesh:
+        """Return the mesh within an error; one of many faces by tiles, where these fit."""
+        faces = self._faces_within(error)
+        self._refuse_faces(error, faces)
+        if self.terrain.storeys is None and faces > _TILED_FACES:
+            with contextlib.suppress(RequestError):
+                return build_joined(self.terrain, error)
+        return collapse_degenerate(build_all(self.terrain, error))
 
     def parts_within(self, error: float) -> StackParts | None:
         """Return ground and storeys apart, within an error; None for a terrain without storeys."""
@@ -137,18 +149,18 @@ class Scene:
         return parts._replace(ground=collapse_degenerate(parts.ground))
 
     @cached_property
-    def boxes(self) -> list[tuple[int, PlanRectangle]]:
-        """Exact boxes of level decks, in the coordinates of the mesh, and their surfaces."""
+    def level_solids(self) -> list[LevelSolid]:
+        """Boxes and cylinders of level ground and level decks, in the coordinates of the mesh."""
         parts = self.parts_within(self.options.max_error)
-        return [] if parts is None else level_boxes(parts, self.options.max_error)
+        ground = (self.built_mesh if parts is None else parts.ground).mesh
+        return level_solids_of(ground, parts, self.options.max_error)
 
-    def _refuse_faces(self, error: float) -> None:
-        """Refuse a mesh of far more faces than simulators take, before it is made.
+    def _refuse_faces(self, error: float, faces: float) -> None:
+        """Refuse a mesh of far more faces, about, than simulators take, before it is made.
 
         Raises:
             RequestError: the mesh would be too large.
         """
-        faces = self._faces_within(error)
         if faces <= _MOST_FACES:
             return
         enough = (e for e, most in self._wider(error) if self._faces_within(e) <= most)
@@ -195,6 +207,23 @@ class Scene:
         """Faces of the mesh by surface, those of no surface last."""
         return surface_parts(self.mesh)
 
+    def take_mesh(self) -> Mesh:
+        """Return the mesh without normals, and forget one of many faces, as it takes much memory.
+
+        Where it is asked for again it is built again, but its loss and its surfaces stay known.
+        """
+        mesh = self.built_mesh.mesh
+        if len(mesh.faces) > _TILED_FACES:
+            self.loss, self._meshed_surfaces  # noqa: B018 -- found while the mesh is there
+            del self.__dict__["built_mesh"]
+        return mesh
+
+    @cached_property
+    def _meshed_surfaces(self) -> list[int]:
+        """Surfaces of the mesh's faces, none at all (-1) last."""
+        found = np.unique(self.built_mesh.mesh.surfaces).tolist()
+        return sorted(found, key=lambda surface: (surface < 0, surface))
+
     def cells(self) -> Grid:
         """Return the cells of a map for navigation, which the vehicle, if there is one, can judge.
 
@@ -228,7 +257,7 @@ class Scene:
         """Position in the files of the zero of the mesh, the south-west corner at height 0."""
         west, south, _, _ = self.terrain.bounds
         x, y, z = self.zero
-        return west - x, south - y, -z
+        return west - x, south - y, 0.0 - z  # which is no -0
 
     @cached_property
     def materials(self) -> tuple[Material, ...]:
@@ -265,7 +294,7 @@ class Scene:
         Ground without a surface is last, if there is any.
         """
         if meshed:
-            return [self.material(part.surface) for part in self.parts]
+            return [self.material(index) for index in self._meshed_surfaces]
         terrain, arrays = self.terrain, self.terrain.arrays
         worn = set(arrays.worn.tolist())
         worn.discard(-1)  # tracks that leave the ground its own surface

@@ -15,6 +15,7 @@ import rasterio
 
 import terratool
 from tests.commands import ROOT, YARD, call
+from tests.storey_examples import DEFINITIONS
 
 # Oblong, away from zero, with a ramp that rises to the north-east and one high box in a corner.
 SITE: dict[str, Any] = {
@@ -302,6 +303,58 @@ def test_a_mesh_lies_on_the_field(terrain: terratool.Terrain) -> None:
     high = middle[mesh.face_attributes["surface"] == mesh.metadata["surfaces"].index("rock")]
     assert high[:, 0].min() >= 500009 and high[:, 1].max() <= 4649778
     assert terrain.to_mesh(solid=True).is_volume
+
+
+@pytest.mark.parametrize(
+    ("origin", "zero"),
+    [
+        ("world", (0, 0, 0)),
+        ("local", (500002, 4649777, 0)),
+        ("center", (500006, 4649778.5, 0)),
+        ([500001, 4649770, 2.5], (500001, 4649770, 2.5)),
+    ],
+    ids=str,
+)
+def test_a_mesh_has_its_zero_where_it_is_asked_for(
+    terrain: terratool.Terrain, origin: Any, zero: tuple[float, float, float]
+) -> None:
+    """The world's by default; of a part, the corner and the middle are those of the part."""
+    part = {"max_error": 0.1, "bounds": (500002, 4649777, 500010, 4649780)}
+    world, mesh = terrain.to_mesh(**part), terrain.to_mesh(origin=origin, **part)
+    assert world.bounds[0, :2].tolist() == [500002, 4649777]
+    assert world.metadata["origin"] == (0, 0, 0) and mesh.metadata["origin"] == zero
+    assert np.array_equal(mesh.faces, world.faces)
+    assert np.allclose(mesh.vertices + np.array(zero), world.vertices, rtol=0, atol=1e-9)
+
+
+def test_a_file_of_a_mesh_counts_from_its_corner(
+    terrain: terratool.Terrain, tmp_path: Path
+) -> None:
+    """Unlike a mesh in memory, unless the world is asked for; the report says where the zero is."""
+    import trimesh
+
+    world = terrain.to_mesh(max_error=0.1)
+    for options in ({}, {"origin": "world"}):
+        path = tmp_path / "a.ply"
+        report = terrain.write_mesh(path, max_error=0.1, overwrite=True, **options)
+        assert report.origin == ((0, 0, 0) if options else (500000, 4649776, 0))
+        written = trimesh.load(path, process=False)
+        assert np.allclose(written.bounds + report.origin, world.bounds, rtol=0, atol=1e-6)
+
+
+def test_a_mesh_in_memory_has_decks_and_bores() -> None:
+    """Faces lie on tops and undersides, on the right side of what is solid."""
+    definition = DEFINITIONS["car park"]
+    terrain = terratool.load(definition)
+    mesh = terrain.to_mesh(max_error=0.01)
+    level = ~mesh.face_attributes["wall"]
+    x, y, z = mesh.triangles_center[level].T
+    up = mesh.face_normals[level, 2] > 0
+    column = terrain.column(x, y)
+    to_top = np.nanmin(np.abs(column.top - z[:, None]), axis=1)
+    to_underside = np.nanmin(np.abs(column.bottom - z[:, None]), axis=1)
+    assert np.where(up, to_top, to_underside).max() <= 0.01
+    assert up.any() and not up.all()
 
 
 # --- the commands ---------------------------------------------------------------------------------

@@ -148,11 +148,11 @@ PROMISED = {
     "flat": "d35b9da1f76e9774",
     "ramp": "ba9222121ffb0f07",
     "stairs": "c1e780a392994382",
-    "rough": "fc0cc5d9e288460c",
+    "rough": "6304b8210972b5fa",
     "craters": "c47202e59603173b",
     "warehouse": "dfe547fa7c27b621",
     "dunes": "e3cdcdb42761878c",
-    "course": "ca14e12c3340df80",
+    "course": "c59c6ceafc4fea99",
 }
 
 

@@ -43,14 +43,18 @@ def scan(dtype: Any) -> torch.Tensor:
     return torch.from_numpy(robots[:, None, None] + offsets).to(dtype)
 
 
+def as_on_a_gpu(field: Any) -> Any:
+    """The field, from now on asked by the kernel of Warp."""
+    pytest.importorskip("warp", reason="warp-lang is not installed")
+    field.asks_terrain = field.warp.asks_terrain = False
+    return field
+
+
 @pytest.fixture(params=["the terrain's own kernels", "the kernel of Warp"])
 def field(request: pytest.FixtureRequest) -> Any:
     """A field on the CPU; and as it asks on a GPU, tried on the CPU."""
     found = terrain_of(OBLONG).to_torch(origin=ORIGIN)
-    if "Warp" in request.param:
-        pytest.importorskip("warp", reason="warp-lang is not installed")
-        found.asks_terrain = False
-    return found
+    return as_on_a_gpu(found) if "Warp" in request.param else found
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64], ids=str)
@@ -80,7 +84,7 @@ def test_points_of_any_stride(field: Any) -> None:
     wide = torch.cat([points, points], -1).requires_grad_()
     found = field.height(wide[::2, 1, 1:, :2])
     assert torch.equal(found.nan_to_num(99), wanted.nan_to_num(99))
-    assert not found.requires_grad
+    assert found.requires_grad and not wanted.requires_grad
 
 
 def test_no_points(field: Any) -> None:
@@ -98,8 +102,7 @@ def test_decks_and_bores(kernel: str, name: str, dtype: Any) -> None:
     terrain, origin = terrain_of(DEFINITIONS[name]), (8, 3, 0.5)
     field = terrain.to_torch(origin=origin)
     if "Warp" in kernel:
-        pytest.importorskip("warp", reason="warp-lang is not installed")
-        field.asks_terrain = False
+        as_on_a_gpu(field)
     spots = torch.from_numpy(np.random.default_rng(3).uniform((-9, -4, -1), (53, 18, 9), (900, 3)))
     spots = spots.to(dtype).reshape(30, 30, 3)
     x, y, z = np.moveaxis(spots.double().numpy() + origin, -1, 0)
@@ -186,3 +189,126 @@ def test_without_the_packages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warp_field, "find_spec", lambda name: None)
     with pytest.raises(RequestError, match=r"PyTorch is not installed.*terratool\[torch\]"):
         terrain_of(OBLONG).to_torch()
+
+
+# --- gradients ------------------------------------------------------------------------------------
+
+CURVED: dict[str, Any] = {
+    "size": [30, 12],
+    "origin": [300, -20],
+    "surfTypes": {"rough": {"roughness": {"rms": 0.05, "correlation": 2}}, "hole": {"void": True}},
+    "elemTypes": {
+        "wave": {"x": "cos(3*pi*t)", "y": [[0, 1], [1, 3]], "combine": "product"},
+        "knoll": {"x": "cosbell", "combine": "radial"},
+        "box": {"x": [1]},
+    },
+    "elemTree": {
+        "type": "wave",
+        "vScale": 2,
+        "surface": "rough",
+        "cells": [10, 4],
+        "children": [
+            {"cellX": 1, "cellY": 0, "span": [4, 3], "type": "knoll", "vScale": 1.5},
+            {"cellX": 6, "cellY": 1, "type": "box", "surface": "hole"},
+            {
+                "at": [22, 6],
+                "extent": [8, 6],
+                "type": "box",
+                "vScale": 5,
+                "turnDeg": 20,
+                "deck": {"thickness": 0.5, "datum": True},
+            },
+        ],
+    },
+}
+
+
+def finite_differences(height: Any, points: Any, step: float = 1e-6) -> tuple[Any, Any]:
+    """Central differences of heights along each axis, and where those of both sides agree.
+
+    Where they do not, an edge or a bend is within the step.
+    """
+    here, differences, smooth = height(*points.T), [], np.ones(len(points), bool)
+    for axis in range(points.shape[1]):
+        move = step * np.eye(points.shape[1])[axis]
+        ahead, behind = height(*(points + move).T), height(*(points - move).T)
+        differences.append((ahead - behind) / (2 * step))
+        smooth &= np.abs((ahead - here) - (here - behind)) < 1e-3 * step
+    return np.stack(differences, -1), smooth
+
+
+@pytest.mark.parametrize("below", [False, True])
+@pytest.mark.parametrize(
+    "kernel", ["the terrain's own", pytest.param("that of Warp", marks=pytest.mark.slow)]
+)
+def test_gradients_are_differences_of_heights(kernel: str, below: bool) -> None:
+    """On curved, rough and turned ground, on a deck and below it, away from edges."""
+    terrain = terrain_of(CURVED)
+    field = terrain.to_torch(origin=(300, -20, 1))
+    if "Warp" in kernel:
+        as_on_a_gpu(field)
+    rng = np.random.default_rng(6)
+    points = rng.uniform((0, 0, -3), (30, 12, 9), (600, 3))[:, : 2 + below]
+    wanted, smooth = finite_differences(
+        lambda x, y, *z: terrain.height(300 + x, y - 20, *(each + 1 for each in z)), points
+    )
+    assert smooth.sum() > 300
+    given = torch.from_numpy(points).requires_grad_()
+    heights = field.height(given, below=below)
+    assert heights.dtype == torch.float32
+    pulls = torch.from_numpy(rng.uniform(-2, 2, len(points))).float()
+    (heights.nan_to_num() * pulls).sum().backward()
+    found = given.grad.numpy() / pulls.double().numpy()[:, None]
+    assert np.abs(wanted[smooth]).max() > 0.5  # steep enough to be told from nothing
+    assert np.allclose(found[smooth], wanted[smooth], rtol=1e-5, atol=1e-5)
+    if below:
+        assert (given.grad[:, 2] == 0).all()
+    again = torch.from_numpy(points).requires_grad_()
+    (field.sample(again, below=below).height.nan_to_num() * pulls).sum().backward()
+    assert torch.equal(given.grad, again.grad)
+
+
+def test_no_gradient_comes_from_where_no_ground_is(field: Any) -> None:
+    """In the void and outside it is 0, so that leaving these heights out is enough."""
+    points = torch.tensor([(28.0, 4.5), (-99.0, 0), (5.0, 3.0)], requires_grad=True)
+    heights = field.height(points)
+    assert heights.isnan().tolist() == [True, True, False]
+    heights.sum().backward()  # NaN, of which each height has a share of 1
+    assert points.grad is not None
+    assert points.grad[:2].tolist() == [[0, 0], [0, 0]]
+    assert points.grad[2].tolist() == pytest.approx([0.1, 0])
+
+
+def test_a_point_below_all_ground_has_no_gradient(field: Any) -> None:
+    points = torch.tensor([(5.0, 3.0, -50.0), (5.0, 3.0, 50.0)], requires_grad=True)
+    field.height(points, below=True).nansum().backward()
+    assert points.grad is not None
+    assert points.grad.tolist() == [[0, 0, 0], pytest.approx([0.1, 0, 0])]
+
+
+def test_a_point_rolls_downhill(field: Any) -> None:
+    """A step of an optimiser against the gradient, in float32, through a function of points."""
+    robot = torch.tensor([6.0, 3.5], requires_grad=True)
+    feet = robot + torch.tensor([[0.1, 0.2], [-0.3, 0.1]])
+    before = field.height(feet).mean()
+    before.backward()
+    assert robot.grad is not None and robot.grad.dtype == torch.float32
+    with torch.no_grad():
+        robot -= 2 * robot.grad
+        after = field.height(robot + torch.tensor([[0.1, 0.2], [-0.3, 0.1]])).mean()
+    assert (before - after).item() == pytest.approx(2 * 0.1**2, rel=1e-4)
+    assert not after.requires_grad
+
+
+def test_points_that_changed_meanwhile_are_refused(field: Any) -> None:
+    """Autograd itself says so: their gradient would be that of other points."""
+    points = torch.zeros(3, 2, requires_grad=True) * 1
+    heights = field.height(points)
+    points += 1
+    with pytest.raises(RuntimeError, match="modified by an inplace operation"):
+        heights.sum().backward()
+
+
+def test_what_is_no_height_has_no_gradient(field: Any) -> None:
+    found = field.sample(torch.zeros(3, 2, requires_grad=True))
+    assert [each.requires_grad for each in found] == [True, False, False, False]

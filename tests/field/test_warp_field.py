@@ -74,16 +74,27 @@ OBLONG: dict[str, Any] = {
 
 
 def on_device(terrain: Terrain, *at: Any, dtype: Any = np.float64, **more: Any) -> Any:
-    """Samples of the kernel at points x, y or x, y, z, as arrays of NumPy."""
+    """Samples of the kernel at points x, y or x, y, z, as arrays of NumPy.
+
+    On a CPU a field answers without it, and says the same.
+    """
     field = terrain.to_warp("cpu", **more)
     below, double = len(at) == 3, dtype == np.float64
     kinds = (wp.vec3d if double else wp.vec3f) if below else (wp.vec2d if double else wp.vec2f)
     rows = np.stack(np.broadcast_arrays(*at), -1).astype(dtype)
     given = wp.array(rows, dtype=kinds, device="cpu")
-    found = field.sample(given, below=below)
-    heights = field.height(given, below=below).numpy()
-    assert np.array_equal(heights, found.height.numpy(), equal_nan=True)
-    return warp_field.WarpSample(*(each.numpy() for each in found))
+    ways = []
+    for field.asks_terrain in (True, False):
+        found = field.sample(given, below=below)
+        heights = field.height(given, below=below).numpy()
+        assert np.array_equal(heights, found.height.numpy(), equal_nan=True)
+        ways.append(warp_field.WarpSample(*(each.numpy() for each in found)))
+    for one, other in zip(*ways, strict=True):
+        assert one.dtype == other.dtype
+        assert np.allclose(
+            one, other, rtol=0, atol=ULP * (one.ndim > rows.ndim - 1), equal_nan=True
+        )
+    return ways[1]
 
 
 def assert_same(terrain: Terrain, *points: Any) -> None:
@@ -519,8 +530,10 @@ class TestKernels:
 class TestArrays:
     """Points come in any shape; what is wrong is said in a sentence."""
 
-    def test_shapes(self) -> None:
+    @pytest.mark.parametrize("asks_terrain", [True, False])
+    def test_shapes(self, asks_terrain: bool) -> None:
         field = terrain_of(OBLONG).to_warp("cpu")
+        field.asks_terrain = asks_terrain
         pairs = np.random.default_rng(1).uniform(0, 10, (2, 3, 5, 2))
         whole = wp.array(pairs, dtype=wp.vec2d, device="cpu")
         found = field.sample(whole)
@@ -529,6 +542,24 @@ class TestArrays:
         assert np.array_equal(some.numpy(), found.height.numpy()[:, 1:, ::2], equal_nan=True)
         none = wp.empty((0, 4), dtype=wp.vec2f, device="cpu")
         assert field.sample(none).normal.shape == (0, 4)
+
+    def test_into_arrays_that_are_there(self) -> None:
+        """Those that are given, and whatever else is asked for."""
+        field = terrain_of(OBLONG).to_warp("cpu")
+        points = wp.array([(6, 1), (1, 1), (27.5, 5)], dtype=wp.vec2f, device="cpu")
+        for field.asks_terrain in (True, False):
+            height, surface = (wp.zeros(3, dtype=t, device="cpu") for t in (wp.float32, wp.int32))
+            field.launch(points, height, surface=surface)
+            assert height.numpy().tolist() == [2, 0, 0.25]
+            names = [field.surfaces[index] for index in surface.numpy()]
+            assert names == ["rock", "grass", "moon"]
+
+    def test_a_cpu_needs_no_kernel(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """What takes seconds to compile is left to fields on a GPU, and to kernels of one's own."""
+        monkeypatch.delattr(wp, "launch")
+        field = terrain_of(OBLONG).to_warp("cpu")
+        points = wp.array([(6, 1)], dtype=wp.vec2f, device="cpu")
+        assert field.height(points).numpy() == [2] and field.sample(points).height.numpy() == [2]
 
     def test_more_points_than_a_thread_takes(self) -> None:
         x = np.linspace(-1, 41, 2 * warp_field._EACH + 77)

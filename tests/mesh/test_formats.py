@@ -39,6 +39,7 @@ from tests.viewers import (
     oblong,
     output,
     turned_inside_out,
+    usd_parts,
 )
 
 PAIRS = [
@@ -204,43 +205,23 @@ def test_usd_collides_with_the_friction_of_its_surfaces(tmp_path: Path) -> None:
             continue
         assert prim.HasAPI(UsdPhysics.CollisionAPI)
         assert UsdPhysics.MeshCollisionAPI(prim).GetApproximationAttr().Get() == "none"
-        faces = len(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get())
         points = np.array(UsdGeom.Mesh(prim).GetPointsAttr().Get())
         ends = np.array(UsdGeom.Mesh(prim).GetExtentAttr().Get())
         assert ends.tolist() == [points.min(axis=0).tolist(), points.max(axis=0).tolist()]
-        bound, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
-        physics = UsdPhysics.MaterialAPI(bound)
-        has = bound.GetPrim().HasAPI(UsdPhysics.MaterialAPI)
-        found[prim.GetDisplayName()] = (
-            faces,
-            has
-            and (
-                physics.GetStaticFrictionAttr().Get(),
-                physics.GetDynamicFrictionAttr().Get(),
-                physics.GetRestitutionAttr().Get(),
-            ),
-        )
+        for part, faces in usd_parts(prim):
+            bound, _ = UsdShade.MaterialBindingAPI(part).ComputeBoundMaterial("physics")
+            physics = UsdPhysics.MaterialAPI(bound)
+            found[part.GetDisplayName()] = (
+                len(faces),
+                bound.GetPrim().HasAPI(UsdPhysics.MaterialAPI)
+                and (
+                    physics.GetStaticFrictionAttr().Get(),
+                    physics.GetDynamicFrictionAttr().Get(),
+                    physics.GetRestitutionAttr().Get(),
+                ),
+            )
     mu = pytest.approx((0.55, 0.55, 0))
     assert found == {"sand": (4, mu), NASTY: (6, False), "": (2, False)}
-
-
-@pytest.mark.nightly
-def test_newton_collides_with_all_surfaces(tmp_path: Path) -> None:
-    """It takes every Mesh as a shape that collides, with all of its faces and its friction."""
-    newton = pytest.importorskip("newton", reason="newton is not installed")
-    pytest.importorskip("newton_usd_schemas", reason="newton-usd-schemas is not installed")
-    mesh = replace(oblong(), frictions=np.array([0.55, 0.25, 0.1]))
-    builder = newton.ModelBuilder()
-    builder.add_usd(str(written(mesh, tmp_path, ".usda")))
-    collide = newton.ShapeFlags.COLLIDE_SHAPES
-    found = [
-        (len(source.indices) // 3, round(friction, 6), bool(flags & collide))
-        for source, friction, flags in zip(
-            builder.shape_source, builder.shape_material_mu, builder.shape_flags, strict=True
-        )
-    ]
-    assert found[:2] == [(4, 0.55, True), (6, 0.25, True)]
-    assert found[2][::2] == (2, True)
 
 
 def test_obj_has_a_group_and_a_material_for_each_surface(tmp_path: Path) -> None:

@@ -83,6 +83,60 @@ def test_pcd_in_another_reader(tmp_path: Path) -> None:
     assert cloud.metadata.size[0] == 4
 
 
+XYZIRT = np.dtype(
+    [
+        ("x", "f4"), ("y", "f4"), ("z", "f4"), ("intensity", "f4"), ("ring", "u2"), ("time", "f4"),
+    ]
+)  # fmt: skip
+"""Fields of `PointXYZIRT` of velodyne_pcl and LIO-SAM; PCL wants them of these very types."""
+
+
+def test_pcd_has_the_fields_of_a_driver(tmp_path: Path) -> None:
+    """Names and types of PointXYZIRT, and times from the first column on, 0.5 s a turn."""
+    from pypcd4 import PointCloud
+
+    frames, _ = scanned(LIDAR, tmp_path / "a.pcd")
+    rows = PointCloud.from_path(tmp_path / "a.pcd").pc_data
+    assert {name: rows.dtype[name] for name in XYZIRT.names or ()} == {
+        name: XYZIRT[name] for name in XYZIRT.names or ()
+    }
+    np.testing.assert_array_equal(rows["time"], times(frames).astype(np.float32))
+    assert b"time counts" not in (tmp_path / "a.pcd").read_bytes()
+
+
+@pytest.mark.parametrize("begin", [-3.5, 1_700_000_000.25])
+def test_pcd_of_times_far_from_zero(begin: float, tmp_path: Path) -> None:
+    """float32 has no milliseconds there: they count from the first turn, and come back whole."""
+    from pypcd4 import PointCloud
+
+    from terratool.sensing.clouds import read_clouds
+
+    turns = quaternions([0, 0], [0, 0], [0, 0])
+    poses = Poses(np.array([begin, begin + 1]), np.array([HERE, HERE]), turns, True)
+    scan = Scan(LIDAR, poses)
+    export_scan(TERRAIN, scan, ScanOutput(tmp_path / "a.pcd"))
+    wanted = times(list(scan.read(TERRAIN)))
+    rows = PointCloud.from_path(tmp_path / "a.pcd").pc_data
+    np.testing.assert_array_equal(rows["time"], (wanted - begin).astype(np.float32))
+    assert rows["time"].max() > 0.5
+    (cloud,) = read_clouds(tmp_path / "a.pcd")
+    assert cloud.time is not None
+    np.testing.assert_allclose(cloud.time, wanted, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("said", ["", " s", " nan", " inf", " 1e300", " soon", " 7 or so"])
+def test_a_pcd_that_says_no_time_to_count_from(said: str, tmp_path: Path) -> None:
+    """Its times are what they are."""
+    from terratool.sensing.clouds import read_clouds
+
+    (tmp_path / "a.pcd").write_text(
+        f"# time counts from{said}\nFIELDS x y z time\nSIZE 4 4 4 4\nTYPE F F F F\nPOINTS 1\n"
+        "DATA ascii\n1 2 3 4.5\n"
+    )
+    (cloud,) = read_clouds(tmp_path / "a.pcd")
+    assert cloud.time is not None and cloud.time.tolist() == [4.5]
+
+
 def test_pcd_keeps_millimetres_far_from_the_origin(tmp_path: Path) -> None:
     """float64 where float32 has none: an easting of 431,000 m."""
     from pypcd4 import PointCloud
@@ -488,6 +542,64 @@ def test_bag_of_noise_is_within_the_range(tmp_path: Path) -> None:
     assert np.isneginf(told.ranges).any()
     assert np.isposinf(told.ranges).any()
     assert not np.isnan(told.ranges).any()
+
+
+# Intensities
+
+
+def intensities_of(path: Path) -> Any:
+    """Intensities in a file, by another reader where there is one."""
+    if path.suffix == ".pcd":
+        from pypcd4 import PointCloud
+
+        return PointCloud.from_path(path).pc_data["intensity"]
+    if path.suffix == ".ply":
+        import trimesh
+
+        return trimesh.load(path).metadata["_ply_raw"]["vertex"]["data"]["intensity"].ravel()
+    if path.suffix == ".npz":
+        with np.load(path) as file:
+            return file["intensity"]
+    if path.suffix == ".csv":
+        with open(path, encoding="utf-8") as file:
+            return np.array([row["intensity"] for row in csv.DictReader(file)], np.float32)
+    found = messages(path)
+    if "/scan" in found:
+        return np.concatenate([scan.intensities for scan in found["/scan"]])
+    clouds = [(one.data.tobytes(), one.point_step) for one in found["/points"]]
+    return np.concatenate([np.ndarray(len(d) // step, "<f4", d, 12, (step,)) for d, step in clouds])
+
+
+@pytest.mark.parametrize("suffix", [".pcd", ".ply", ".npz", ".csv", ".rosbag2"])
+def test_white_is_255_on_request(suffix: str, tmp_path: Path) -> None:
+    """Wherever points have intensities."""
+    for lidar in (LIDAR, PLANAR):
+        path = tmp_path / f"{lidar.is_planar}{suffix}"
+        frames, _ = scanned(lidar, path, intensity_max=255.0)
+        wanted = together(frames, "intensity", misses=suffix == ".rosbag2" and lidar is PLANAR)
+        assert 0 < wanted.max() <= 1
+        np.testing.assert_array_equal(intensities_of(path), wanted * np.float32(255))
+
+
+@pytest.mark.parametrize(
+    ("what", "suffix", "most", "why"),
+    [
+        (LIDAR, ".las", 255, "on .las, whose intensities are from 0 to 65,535 anyway"),
+        (LIDAR, ".laz", 255, "on .laz, whose intensities"),
+        (CAMERA, ".png", 255, "on images, and .png has these of a camera"),
+        (CAMERA, ".rosbag2", 255, "on images, and .rosbag2 has these of a camera"),
+        (SONAR, ".csv", 255, "on a sonar, whose intensities are amplitudes"),
+        (LIDAR, ".pcd", 0, "The largest intensity is 0. Give a number above 0, up to 65,535"),
+        (LIDAR, ".pcd", float("nan"), "The largest intensity is nan"),
+        (LIDAR, ".pcd", 1e30, "The largest intensity is 1e.30"),
+    ],
+)  # fmt: skip
+def test_intensities_that_cannot_be_chosen(
+    what: Sensor, suffix: str, most: float, why: str, tmp_path: Path
+) -> None:
+    with pytest.raises(RequestError, match=why):
+        scanned(what, tmp_path / f"a{suffix}", intensity_max=most)
+    assert list(tmp_path.iterdir()) == []
 
 
 # All formats

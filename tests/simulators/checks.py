@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -409,16 +410,51 @@ def check_slopes(load: Callable[[Terrain], Simulator], margin: float = 2.0) -> d
             way = simulator.slide([3.5, 2 * row + 0.9, 3.5 * slope], slope, 1.0)
             ways.setdefault(name, []).append(way)
     for name, angle in FRICTION_ANGLES.items():
-        steep = math.radians(angle + margin)
-        pull = 9.81 * (math.sin(steep) - math.tan(math.radians(angle)) * math.cos(steep))
+        gained = pull(angle, margin)
         held, slid = ways[name]
         assert held < 0.01, f"on {name} it slides {held} m"
-        assert 0.6 * 0.5 * pull < slid < 1.4 * 0.5 * pull, f"on {name} it slides {slid} m only"
+        assert 0.6 * 0.5 * gained < slid < 1.4 * 0.5 * gained, f"on {name} it slides {slid} m only"
     return ways
 
 
-def change_objs(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> None:
-    """Move all vertices of the OBJ files of a folder: (n, 3) to (n, 3)."""
+LEVEL: dict[str, Any] = {
+    "size": [9, 5],
+    "surfTypes": {name: {"fricAngle": angle} for name, angle in FRICTION_ANGLES.items()},
+    "elemTypes": {"block": {"x": [1]}, "column": {"x": [1], "combine": "radial"}},
+    "elemTree": {
+        "type": "block", "surface": "ice", "vScale": 0.2,
+        "children": [
+            {"type": "column", "at": [6.5, 3.2], "extent": 3, "vScale": 0.3, "surface": "steel"},
+            {"type": "block", "at": [2, 3.4], "extent": [3, 2], "vScale": 0.1, "turnDeg": 10,
+             "surface": "gravel"},
+        ],
+    },
+}  # fmt: skip
+"""A floor, a turned block and a disc, all level."""
+SPOTS = {"ice": (4.2, 1.2, 0.2), "gravel": (2.1, 3.4, 0.3), "steel": (6.4, 3.2, 0.5)}
+"""Places on surfaces of `LEVEL`, with room around."""
+
+
+def tilted(degrees: float) -> list[float]:
+    """Gravity that pulls to the east, as if a world sloped so much."""
+    return [
+        9.81 * math.sin(math.radians(degrees)), 0.0, -9.81 * math.cos(math.radians(degrees))
+    ]  # fmt: skip
+
+
+def pull(angle: float, more: float) -> float:
+    """Acceleration of a box on a slope that is steeper by `more` than its friction angle."""
+    steep = math.radians(angle + more)
+    return 9.81 * (math.sin(steep) - math.tan(math.radians(angle)) * math.cos(steep))
+
+
+def change_shapes(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    """Move all vertices of the OBJ files of a folder, and boxes and cylinders of its SDF or URDF.
+
+    Args:
+        folder: which.
+        change: (n, 3) to (n, 3), in coordinates of the OBJ files.
+    """
     for path in folder.rglob("*.obj"):
         lines = path.read_text("utf-8").splitlines()
         at = [number for number, line in enumerate(lines) if line.startswith("v ")]
@@ -426,3 +462,36 @@ def change_objs(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> Non
         for number, point in zip(at, change(points).tolist(), strict=True):
             lines[number] = "v " + " ".join(map(repr, point))
         path.write_text("\n".join(lines) + "\n", "utf-8")
+    for path in (*folder.glob("*.sdf"), *folder.glob("*.urdf")):
+        tree = ET.parse(path)
+        poses = [pose_of(visual) for visual in tree.iter("visual")]
+        for shape in tree.iter("collision"):
+            if shape.find("geometry/mesh") is None:
+                place = pose_of(shape)
+                angle = place[5]
+                way = np.array([(0, 0, 0), (math.cos(angle), math.sin(angle), 0)])
+                along = place[:3] + way
+                start, end = change(along - poses[0][:3]) + poses[0][:3]
+                place[:3], place[5] = start, math.atan2(*(end - start)[1::-1])
+                set_pose(shape, place)
+        tree.write(path)
+
+
+def pose_of(shape: ET.Element) -> np.ndarray:
+    """Place and angles, (6,), of a shape of an SDF or a URDF."""
+    origin = shape.find("origin")
+    words = (
+        shape.findtext("pose", "") if origin is None else f"{origin.get('xyz')} {origin.get('rpy')}"
+    )
+    return np.array(words.split(), np.float64)
+
+
+def set_pose(shape: ET.Element, pose: np.ndarray) -> None:
+    """Give a shape of an SDF or a URDF another place and other angles, (6,)."""
+    words = [repr(number) for number in pose.tolist()]
+    origin, own = shape.find("origin"), shape.find("pose")
+    if origin is not None:
+        origin.set("xyz", " ".join(words[:3]))
+        origin.set("rpy", " ".join(words[3:]))
+    elif own is not None:
+        own.text = " ".join(words)

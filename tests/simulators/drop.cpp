@@ -1,10 +1,11 @@
 // What bodies do on a terrain in Gazebo's physics: as its Physics system does, meshes and height
 // maps are attached one by one, each file as a whole, and the rest comes from the SDF.
 //
-//   drop WORLD.sdf SECONDS < bodies      bodies: "drop x y z radius" or "slide x y z slope"
+//   drop WORLD.sdf SECONDS < bodies      bodies: "drop x y z radius", "wheel x y z radius" or
+//                                        "slide x y z slope"
 //
-// For a sphere it prints where its lowest point is in the end, moving along z alone; for a box on a
-// slope that rises to the east, how far it slid.
+// For a sphere, or a wheel that would roll to the north, it prints where its lowest point is in the
+// end, moving along z alone; for a box on a slope that rises to the east, how far it slid.
 #include <cmath>
 #include <filesystem>
 #include <iostream>
@@ -45,19 +46,21 @@ struct Features : physics::FeatureList<
                       physics::sdf::ConstructSdfWorld> {};
 
 static std::string body(
-    int number, double x, double y, double z, double angle, bool sphere, double radius
+    int number, double x, double y, double z, double angle, const std::string& kind, double radius
 ) {
     std::ostringstream text;
-    const std::string shape = sphere
-        ? "<sphere><radius>" + std::to_string(radius) + "</radius></sphere>"
-        : "<box><size>0.4 0.4 0.1</size></box>";
+    const std::string round = "<radius>" + std::to_string(radius) + "</radius>";
+    const std::string shape = kind == "drop" ? "<sphere>" + round + "</sphere>"
+        : kind == "wheel" ? "<cylinder>" + round + "<length>0.08</length></cylinder>"
+                          : "<box><size>0.4 0.4 0.1</size></box>";
+    const std::string turned = kind == "wheel" ? "<pose>0 0 0 0 1.5707963267948966 0</pose>" : "";
     text.precision(12);
     text << "<sdf version='1.7'><model name='body" << number << "'><pose>" << x << " " << y << " "
          << z << " 0 " << -angle << " 0</pose><link name='link'><inertial><mass>1</mass><inertia>"
          << "<ixx>0.01</ixx><iyy>0.01</iyy><izz>0.01</izz></inertia></inertial>"
-         << "<collision name='shape'><geometry>" << shape << "</geometry><surface><friction><ode>"
+         << "<collision name='shape'>" << turned << "<geometry>" << shape << "</geometry><surface><friction><ode>"
          << "<mu>10</mu><mu2>10</mu2></ode></friction></surface></collision></link>";
-    if (sphere)
+    if (kind != "slide")
         text << "<joint name='slider' type='prismatic'><parent>world</parent><child>link</child>"
              << "<axis><xyz>0 0 1</xyz></axis></joint>";
     text << "</model></sdf>";
@@ -91,14 +94,14 @@ int main(int, char** argv) {
             continue;
         }
         const sdf::Mesh* shape = one->Geom()->MeshShape();
-        if (!shape) continue;  // a box, which the model has already
+        if (!shape) continue;  // a box or a cylinder, which the model has already
         const auto* mesh =
             ignition::common::MeshManager::Instance()->Load((folder / shape->Uri()).string());
         ground->AttachMeshShape(one->Name(), *mesh, pose);
     }
 
     struct Body {
-        bool sphere;
+        bool rests;
         double x, y, z, radius;
         physics::Link3dPtr<Features> link;
     };
@@ -106,12 +109,12 @@ int main(int, char** argv) {
     std::string kind;
     double x, y, z, size;
     while (std::cin >> kind >> x >> y >> z >> size) {
-        const bool sphere = kind == "drop";
-        const double angle = sphere ? 0.0 : std::atan(size);
-        const double above = sphere ? size + 0.02 : 0.051;
-        Body one{sphere, x - above * std::sin(angle), y, z + above * std::cos(angle), size, {}};
+        const bool rests = kind != "slide";
+        const double angle = rests ? 0.0 : std::atan(size);
+        const double above = rests ? size + 0.02 : 0.051;
+        Body one{rests, x - above * std::sin(angle), y, z + above * std::cos(angle), size, {}};
         sdf::Root own;
-        own.LoadSdfString(body(bodies.size(), one.x, one.y, one.z, angle, sphere, size));
+        own.LoadSdfString(body(bodies.size(), one.x, one.y, one.z, angle, kind, size));
         one.link = world->ConstructModel(*own.Model())->GetLink("link");
         bodies.push_back(one);
     }
@@ -123,7 +126,7 @@ int main(int, char** argv) {
     std::cout.precision(12);
     for (const Body& one : bodies) {
         const auto at = one.link->FrameDataRelativeToWorld().pose.translation();
-        if (one.sphere) std::cout << "rest " << at.z() - one.radius << "\n";
+        if (one.rests) std::cout << "rest " << at.z() - one.radius << "\n";
         else
             std::cout << "slid "
                       << std::hypot(at.x() - one.x, std::hypot(at.y() - one.y, at.z() - one.z))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import shutil
 import xml.etree.ElementTree as ET
@@ -9,6 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import terratool
@@ -78,24 +80,50 @@ def test_boxes_slide_as_friction_says(load: Load, tmp_path: Path) -> None:
     checks.check_slopes(simulator)
 
 
+def test_level_ground_is_boxes_and_cylinders(load: Load, tmp_path: Path) -> None:
+    """Exact from above and from aside, without a mesh; boxes slide on it as they should."""
+    folder, ground, manifest = written(terrain_of(checks.LEVEL), tmp_path / "out", "pybullet")
+    assert (manifest["boxes"], manifest["cylinders"], manifest["meshed"]) == (2, 1, 0)
+    bullet = load(folder)
+    checks.check_rays(bullet, ground, 1e-4)
+    checks.check_rest(bullet, ground, count=12)
+    disc = ET.parse(folder / "terrain.urdf").find("link/collision/geometry/cylinder")
+    assert disc is not None and float(disc.get("radius", "")) == pytest.approx(1.5, abs=1e-5)
+    for angle in (0.0, 0.1, 2.0):
+        way = np.array([math.cos(angle), math.sin(angle), 0.0])
+        middle = np.array([6.5, 3.2, 0.4])
+        hit = bullet.ray((middle + 1.7 * way).tolist(), (middle + way).tolist())
+        assert hit is not None and math.dist(hit, middle) == pytest.approx(1.5, abs=5e-4)
+    import pybullet
+
+    for surface, place in checks.SPOTS.items():
+        ways = []
+        for more in (-2, 2):
+            pybullet.setGravity(*checks.tilted(checks.FRICTION_ANGLES[surface] + more))
+            ways.append(bullet.slide([*place], 0.0, 0.5))
+        gained = checks.pull(checks.FRICTION_ANGLES[surface], 2)
+        assert ways[0] < 0.005 and ways[1] == pytest.approx(0.125 * gained, rel=0.3), surface
+
+
 def mirrored(folder: Path, ground: Ground) -> None:
     """East is west."""
     west, _, east, _ = ground.bounds
-    checks.change_objs(folder, lambda points: points * (-1, 1, 1) + (east + west, 0, 0))
+    checks.change_shapes(folder, lambda points: points * (-1, 1, 1) + (east + west, 0, 0))
 
 
 def transposed(folder: Path, ground: Ground) -> None:
     """East is north."""
-    checks.change_objs(folder, lambda points: points[:, [1, 0, 2]])
+    checks.change_shapes(folder, lambda points: points[:, [1, 0, 2]])
 
 
-def hulled(folder: Path, ground: Ground) -> None:
+def hulled(folder: Path) -> None:
     """Convex hulls collide."""
     path = folder / "terrain.urdf"
     path.write_text(path.read_text("utf-8").replace(' concave="yes"', ""), "utf-8")
 
 
-@pytest.mark.parametrize("spoil", [mirrored, transposed, hulled])
+@pytest.mark.slow
+@pytest.mark.parametrize("spoil", [mirrored, transposed])
 def test_checks_refuse_wrong_files(
     spoil: Callable[[Path, Ground], None], load: Load, tmp_path: Path
 ) -> None:
@@ -109,6 +137,18 @@ def test_checks_refuse_wrong_files(
     for measured in (checks.check_rays, checks.check_walls):
         with pytest.raises(AssertionError):
             measured(bullet, ground, ERROR)
+
+
+@pytest.mark.slow
+def test_checks_refuse_hulls(load: Load, tmp_path: Path) -> None:
+    """Of the meshes that collide, where ground is curved."""
+    folder, ground, _ = written(sample("stairs-and-kerbs"), tmp_path / "out", "pybullet")
+    hulled(folder)
+    bullet = load(folder)
+    with pytest.raises(AssertionError):
+        checks.check_rest(bullet, ground)
+    with pytest.raises(AssertionError):
+        checks.check_rays(bullet, ground, ERROR)
 
 
 def test_checks_refuse_one_friction_for_all(load: Load, tmp_path: Path) -> None:
@@ -144,8 +184,8 @@ def test_links_are_surfaces(load: Load, tmp_path: Path) -> None:
         for link in urdf.findall("link")[1:]
     }
     assert found == {
-        "surface_rock": ("0.3", "0.3529 0.3137 0.2745 1"),
-        "surface_grass": ("0.3", "0.6275 0.6275 0.6275 1"),
+        "terrain/rock": ("0.3", "0.3529 0.3137 0.2745 1"),
+        "terrain/grass": ("0.3", "0.6275 0.6275 0.6275 1"),
     }
     assert manifest["links"] == list(found)
     import pybullet

@@ -396,7 +396,7 @@ def test_one_of_a_kind_is_said_so(tmp_path: Path) -> None:
     targets = ("--target", "mujoco", "--target", "pybullet")
     ran = run("export-sim", write(tmp_path, yard), tmp_path / "o", *targets)
     assert "1 geom to collide with: 1 box, 0 convex meshes, 0 height fields\n" in ran.out
-    assert "1 link to collide with, of 2 faces\n" in ran.out
+    assert "1 link, seen as 2 faces; 1 box to collide with\n" in ran.out
     flexes = run("export-sim", write(tmp_path, yard), tmp_path / "f", *targets[:2], "--flex")
     assert "2 faces to collide with, in 1 rigid flex\n" in flexes.out
 

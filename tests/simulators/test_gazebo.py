@@ -86,6 +86,57 @@ def test_sdf_is_valid(heightmap: bool, tmp_path: Path) -> None:
     assert files <= set(bytes_of(folder))
 
 
+def tilt(folder: Path, degrees: float) -> None:
+    """Have gravity pull to the east, as if all of a world sloped so much."""
+    x, _, z = checks.tilted(degrees)
+    path = folder / "world.sdf"
+    text = path.read_text("utf-8")
+    assert "<gravity>0 0 -9.81</gravity>" in text
+    path.write_text(text.replace("0 0 -9.81", f"{x} 0 {z}"), "utf-8")
+
+
+@pytest.mark.slow
+def test_dart_has_the_friction_of_boxes_and_cylinders(drop: Drop, tmp_path: Path) -> None:
+    """Two degrees below the friction angle of each surface a box holds, two above it slides."""
+    for surface, (x, y, z) in checks.SPOTS.items():
+        angle = checks.FRICTION_ANGLES[surface]
+        ways = []
+        for degrees in (angle - 2, angle + 2):
+            place = tmp_path / f"{degrees}"
+            folder, _, manifest = written(terrain_of(checks.LEVEL), place, "gazebo")
+            assert (manifest["boxes"], manifest["cylinders"], manifest["meshed"]) == (2, 1, 0)
+            tilt(folder, degrees)
+            ways += drop(folder, [f"slide {x} {y} {z} 0"])
+        assert ways[0] < 0.005, surface
+        assert ways[1] == pytest.approx(0.5 * checks.pull(angle, 2) * 0.5**2, rel=0.3), surface
+    assert not any("DART" in line for line in manifest["losses"])
+
+
+def test_collisions_are_named_by_their_elements(tmp_path: Path) -> None:
+    """Each shape of the link, boxes and cylinders with their place; and Gazebo takes the names."""
+    folder, _, _ = written(terrain_of(checks.LEVEL), tmp_path / "out", "gazebo")
+    check_sdf(folder / "world.sdf")
+    model = ET.parse(folder / "model.sdf").getroot()
+    found = {str(one.get("name")): one for one in model.iter("collision")}
+    names = ["terrain/ice/block/0", "terrain/steel/column/0", "terrain/gravel/block/0"]
+    assert list(found) == names
+    disc, crate = found[names[1]], found[names[2]]
+    assert disc.findtext("geometry/cylinder/length") == "1.3"  # down to a metre below the floor
+    assert disc.findtext("pose") == "6.5 3.2 -0.15 0 0 0"
+    assert checks.pose_of(crate)[5] == pytest.approx(math.radians(-10), abs=1e-6)
+    assert {visual.get("name") for visual in model.iter("visual")} == {
+        f"terrain/{surface}/visual" for surface in checks.FRICTION_ANGLES
+    }
+
+
+@pytest.mark.nightly
+def test_wheels_rest_on_boxes_and_cylinders(drop: Drop, tmp_path: Path) -> None:
+    folder, _, _ = written(terrain_of(checks.LEVEL), tmp_path / "out", "gazebo")
+    places = [*checks.SPOTS.values(), (6.5, 3.2, 0.5), (0.02, 0.3, 0.2)]
+    found = drop(folder, ["wheel {} {} {} {}".format(*place, RADIUS) for place in places])
+    assert found == pytest.approx([z for _, _, z in places], abs=0.002)
+
+
 def sample(name: str) -> Terrain:
     return terrain_of(SITE) if name == "site" else terratool.load(f"samples/{name}.json")
 
@@ -124,12 +175,11 @@ def test_a_wrong_model_is_found(spoil: str, drop: Drop, tmp_path: Path) -> None:
     folder, ground, _ = written(sample("warehouse"), tmp_path / "out", "gazebo", origin="center")
     west, _, east, _ = ground.bounds
     if spoil == "mirrored":
-        checks.change_objs(folder, lambda at: at * (-1, 1, 1) + (east - west, 0, 0))
+        checks.change_shapes(folder, lambda at: at * (-1, 1, 1) + (east - west, 0, 0))
     elif spoil == "transposed":
-        checks.change_objs(folder, lambda at: at[:, [1, 0, 2]])
+        checks.change_shapes(folder, lambda at: at[:, [1, 0, 2]])
     else:
-        world = folder / "world.sdf"
-        world.write_text(world.read_text().replace("<pose>-30 -23 0", "<pose>-23 -30 0"))
+        checks.change_shapes(folder, lambda at: at + np.array([7, -7, 0]))
     assert worst_rest(drop, folder, ground) > 0.005
 
 
@@ -144,7 +194,7 @@ def test_friction_is_in_the_file_and_dart_does_not_read_it(drop: Drop, tmp_path:
         ode = [one.findtext(f"surface/friction/ode/{key}") for key in ("mu", "mu2")]
         found[one.get("name")] = [float(value) for value in ode if value]
     assert found == {
-        f"{name}_collision": [pytest.approx(math.tan(math.radians(angle)), rel=1e-5)] * 2
+        f"terrain/{name}/mesh": [pytest.approx(math.tan(math.radians(angle)), rel=1e-5)] * 2
         for name, angle in checks.FRICTION_ANGLES.items()
     }
     assert any("takes the friction of meshes for 1" in line for line in manifest["losses"])
@@ -165,17 +215,19 @@ def test_a_file_for_each_surface(tmp_path: Path) -> None:
     link = ET.parse(folder / "world.sdf").getroot().find("world/model/link")
     assert link is not None
     shapes = {shape.get("name"): shape for shape in link}
-    assert list(shapes) == ["rock_collision", "rock_visual", "grass_collision", "grass_visual"]
+    assert list(shapes) == [
+        f"terrain/{name}/{kind}" for name in ("rock", "grass") for kind in ("mesh", "visual")
+    ]
     for name, shape in shapes.items():
         file = shape.findtext("geometry/mesh/uri")
-        assert file == f"{str(name).split('_')[0]}.obj"
+        assert file == f"{str(name).split('/')[1]}.obj"
         lines = (folder / file).read_text().splitlines()
         assert sum(line.startswith("vn ") for line in lines) > 0
         assert len({line for line in lines if line.startswith("g ")}) == 1
         assert shape.findtext("pose") == "500000 4649776 0 0 0 0"
-    assert shapes["grass_visual"].findtext("material/diffuse") == "0 0.2 1 1"
-    assert shapes["grass_collision"].findtext("laser_retro") == "0.25"
-    assert shapes["rock_collision"].find("laser_retro") is None
+    assert shapes["terrain/grass/visual"].findtext("material/diffuse") == "0 0.2 1 1"
+    assert shapes["terrain/grass/mesh"].findtext("laser_retro") == "0.25"
+    assert shapes["terrain/rock/mesh"].find("laser_retro") is None
 
 
 def test_heightmap_is_square_and_full(tmp_path: Path) -> None:

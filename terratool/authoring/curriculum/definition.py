@@ -149,11 +149,8 @@ def _document(spec: Spec, contents: _Contents) -> Members:
         f"seed {spec.seed}"
     )
     document: Members = {"descr": descr, "size": whole, "surfTypes": surfaces}
-    ignored = dict(contents.ignored)
-    if any("x-ignore" not in p for p in contents.primitives.values() if _exceeds(p)):
-        ignored["TT306"] = None
-    if ignored:
-        document["x-ignore"] = list(ignored)
+    if contents.ignored:
+        document["x-ignore"] = list(contents.ignored)
     origin = [round(side - spec.border, 6) for side in spec.origin]
     if any(origin):
         document["origin"] = origin
@@ -161,14 +158,6 @@ def _document(spec: Spec, contents: _Contents) -> Members:
     if contents.parts:
         document["parts"] = contents.parts
     return {**document, "elemTree": root}
-
-
-def _exceeds(primitive: Mapping[str, Any]) -> bool:
-    """Whether a curve leaves the range from 0 to 1, as that of random heights does."""
-    curve = primitive.get("x")
-    if isinstance(curve, TextLines):
-        return any(number not in ("0", "1") for row in curve.items for number in row.split(", "))
-    return isinstance(curve, list) and any(isinstance(z, int) and z > 1 for z in curve)
 
 
 def _values_of(element: Mapping[str, Any], key: str) -> set[str]:

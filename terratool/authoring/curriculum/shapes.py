@@ -15,8 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terratool.text.format import WIDTH
-
 Members = dict[str, Any]
 """Members of a JSON object of the definition, by key."""
 
@@ -227,61 +225,23 @@ def _runs(row: NDArray[np.int64]) -> Iterator[tuple[int, int, int]]:
 def relief(
     name: str, plan: TileRectangle, heights: NDArray[np.int64], step: float, lowest: float
 ) -> TileShape:
-    """Heights at the nodes of a grid, bilinear in between: each row of nodes is a tent along y.
+    """Heights at the nodes of a grid, bilinear in between.
 
     Args:
-        name: beginning of the names of the primitives.
+        name: name of the primitive.
         plan: rectangle whose corners are the outermost nodes.
         heights: (rows, columns) int64 from the south and the west, 0 or more, in steps.
         step: height of a step, m.
         lowest: height that 0 stands for, m.
     """
-    last = len(heights) - 1
-    primitives: dict[str, Members] = {}
-    items = []
-    there: NDArray[np.bool_] = np.asarray(heights.any(axis=1))
-    for row, values in enumerate(heights.tolist()):
-        if not there[row]:
-            continue
-        curve = [1, 0] if row == 0 else [0, 1] if row == last else "tent"
-        own = f"{name} row {row}"
-        primitives[own] = {"x": number_rows(values), "y": curve}
-        span = "" if curve != "tent" else '"span": [1, 2], '
-        items.append(
-            f'{{ "cellX": 0, "cellY": {max(0, row - 1)}, {span}"type": "{own}", '
-            f'"vScale": {_number(step)} }}'
-        )
     element = {
-        **plan.place,
-        "descr": "Random heights: each row is a tent along y, all add up",
-        "type": "ground",
-        "vScale": 1,
-        "vOffset": lowest,
-        "cells": [1, last],
-        "children": TextLines(tuple(items)),
-    }
+        **plan.place, "descr": "Random heights", "type": name, "vScale": step, "vOffset": lowest,
+    }  # fmt: skip
     if not lowest:
         del element["vOffset"]
-    if (there[1:] & there[:-1]).any():  # neighbours share a cell
-        element["x-ignore"] = ["TT208"]
-    return TileShape(element, primitives)
-
-
-_INNER = WIDTH - 8
-"""Width of a row of a curve's numbers, characters; the rows are indented by eight."""
-
-
-def number_rows(values: Sequence[int]) -> TextLines | list[int]:
-    """Numbers in rows as wide as the canonical layout has them; a list if they fit on one line."""
-    text = ", ".join(map(str, values))
-    if len(text) <= WIDTH:
-        return list(values)
-    rows = []
-    while len(text) > _INNER:
-        end = text.rindex(", ", 0, _INNER + 1)
-        rows.append(text[:end])
-        text = text[end + 2 :]
-    return TextLines((*rows, text))
+    rows = tuple(f"[{', '.join(map(str, row))}]" for row in heights[::-1].tolist())
+    descr = f"{len(rows)} rows of random heights, in steps of {step:g} m"
+    return TileShape(element, {name: {"descr": descr, "grid": TextLines(rows)}})
 
 
 # --- pyramids ------------------------------------------------------------------------------------

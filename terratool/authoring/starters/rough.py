@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-from typing import TYPE_CHECKING
 
 from terratool.authoring.starters.built import sides_text
 from terratool.authoring.starters.options import (
@@ -19,9 +17,6 @@ from terratool.authoring.starters.options import (
 )
 from terratool.authoring.starters.soils import SOILS, soil_option, surfaces
 from terratool.errors import RequestError
-
-if TYPE_CHECKING:
-    from terratool.authoring.curriculum.shapes import TextLines
 
 MOST_NODES = 250_000
 """Most random heights of a terrain."""
@@ -75,32 +70,12 @@ def _rough(wanted: Wanted) -> Members:
 
 def _relief(heights: list[list[int]], step: float, low: float, surface: str) -> Members:
     """Primitives and tree of heights in steps, given by rows from the south."""
-    import numpy as np
-
-    from terratool.authoring.curriculum.shapes import PRIMITIVES, TileRectangle, relief
-
-    shape = relief("heights", TileRectangle(0, 0, 0, 0), np.array(heights), step, low)
-    primitives = {name: {**one, "x": _plain(one["x"])} for name, one in shape.primitives.items()}
-    element = {key: value for key, value in shape.element.items() if key not in _PLACED}
-    rows = len(heights)
-    element |= {
-        "descr": f"{rows} rows of {len(heights[0])} random heights: each is a tent along y, all "
-        f"add up. Primitives count them in steps of {step:g} m",
-        "surface": surface,
-        "children": _plain(element["children"]),
-    }
-    document: Members = {"elemTypes": {"ground": PRIMITIVES["ground"], **primitives}}
-    if any(height > 1 for row in heights for height in row):
-        document["x-ignore"] = ["TT306"]
-    return {**document, "elemTree": element}
-
-
-_PLACED = ("cellX", "cellY", "span")
-
-
-def _plain(lines: TextLines | list[int]) -> object:
-    """List of JSON values from a list whose items may be text already."""
-    return lines if isinstance(lines, list) else json.loads(f"[{','.join(lines.items)}]")
+    descr = f"{len(heights)} rows of {len(heights[0])} random heights, in steps of {step:g} m"
+    element: Members = {"type": "heights", "surface": surface, "vScale": step}
+    if low:
+        element["vOffset"] = low
+    primitive = {"descr": descr, "grid": heights[::-1]}
+    return {"elemTypes": {"heights": primitive}, "elemTree": element}
 
 
 ROUGH = Kind(

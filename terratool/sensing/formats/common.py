@@ -35,6 +35,7 @@ class Record:
         frames: number of frames.
         world: whether points are in world axes; else in sensor axes at the time of each ray.
         misses: whether rays without a reading are kept, with NaN for points.
+        intensity_max: intensity that stands for 1, that of a white surface met squarely.
     """
 
     terrain: Terrain
@@ -42,6 +43,7 @@ class Record:
     frames: int
     world: bool = True
     misses: bool = False
+    intensity_max: float = 1.0
 
     @property
     def descr(self) -> str:
@@ -69,9 +71,14 @@ class Record:
         rows["x"], rows["y"], rows["z"] = points.T
         rows["time"] = frame.time + frame.offset
         rows["frame"] = frame.number
-        for name in ("intensity", "ring", "range", "surface", "element", "wall", "status"):
+        rows["intensity"] = self.intensity(frame)
+        for name in ("ring", "range", "surface", "element", "wall", "status"):
             rows[name] = getattr(frame, name)
         return rows
+
+    def intensity(self, frame: Frame) -> NDArray[np.float32]:
+        """Intensities of a frame's rays, (n,), from 0 to `intensity_max`."""
+        return frame.intensity * np.float32(self.intensity_max)
 
 
 def pick_fields(rows: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from terratool.field.terrain import Terrain
 from terratool.io import csv_, las, npz, pcd, ply
-from terratool.io.clouds import SENSOR_AXES
+from terratool.io.clouds import SENSOR_AXES, TIME_ZERO
 from terratool.report.inert import inert_cell
 from terratool.sensing.formats.common import ROW, Record, is_wide, pick_fields
 from terratool.sensing.readings import Frame, ReadingStatus
@@ -66,7 +66,10 @@ def write_ply(path: Path, frames: Iterator[Frame], record: Record) -> None:
 
 
 def write_pcd(path: Path, frames: Iterator[Frame], record: Record) -> None:
-    """Write a binary PCD; coordinates are float32 as PCL expects, float64 where `is_wide`.
+    """Write a binary PCD, whose fields are those of `PointXYZIRT` in PCL, and more.
+
+    Coordinates are float32 as PCL expects them, float64 where `is_wide`. Times are float32 and
+    count from the first frame; a comment says from when, unless that is 0.
 
     The viewpoint is the sensor's pose for one frame in sensor axes with the sensor at rest, else
     the origin of the world. A comment marks other points in sensor axes.
@@ -76,7 +79,7 @@ def write_pcd(path: Path, frames: Iterator[Frame], record: Record) -> None:
     kind = np.dtype(
         [
             ("x", wide), ("y", wide), ("z", wide), ("intensity", "<f4"), ("ring", "<u2"),
-            ("time", "<f8"), ("surface", "<i4"), ("element", "<i4"), ("wall", "u1"),
+            ("time", "<f4"), ("surface", "<i4"), ("element", "<i4"), ("wall", "u1"),
             ("status", "u1"),
         ]
     )  # fmt: skip
@@ -87,8 +90,16 @@ def write_pcd(path: Path, frames: Iterator[Frame], record: Record) -> None:
         viewpoint = (*first.poses.positions[0], w, x, y, z)
     elif not record.world:
         comments = [SENSOR_AXES]
-    batches = (pick_fields(record.rows(frame), kind) for frame in chain([first], frames))
-    pcd.write_points(path, batches, kind, comments, viewpoint)
+    if first.time:
+        comments.append(f"{TIME_ZERO} {first.time!r}")
+
+    def batches() -> Iterator[NDArray[Any]]:
+        for frame in chain([first], frames):
+            rows = record.rows(frame)
+            rows["time"] -= first.time
+            yield pick_fields(rows, kind)
+
+    pcd.write_points(path, batches(), kind, comments, viewpoint)
 
 
 def _rests(frame: Frame) -> bool:

@@ -160,7 +160,7 @@ class _Bag:
         message = self._message(
             kind, self._header(frame.time, self._kind), azimuths[0], azimuths[-1], step, wait,
             1.0 / sensor.rate, sensor.least, sensor.most, rep_117_ranges(frame).astype(np.float32),
-            frame.intensity,
+            self._record.intensity(frame),
         )  # fmt: skip
         self._send("/scan", kind, frame.time, message)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -28,6 +28,7 @@ class ScanFormat:
         folder: whether a scan is a folder.
         misses: whether rays without a reading can be kept; images and bags always keep them.
         axes: whether points can be in world axes or in sensor axes.
+        intensity: whether the largest intensity of points can be chosen.
         module: module to be imported; empty for none.
         package: package of the module, for messages; empty for none.
         extra: extra of terratool that installs the package; empty for none.
@@ -39,13 +40,16 @@ class ScanFormat:
     folder: bool = False
     misses: bool = True
     axes: bool = True
+    intensity: bool = True
     module: str = ""
     package: str = ""
     extra: str = ""
 
 
-_LAS = ScanFormat(write_las, misses=False, module="laspy", package="laspy", extra="las")
-_LAZ = ScanFormat(write_las, misses=False, module="lazrs", package="laspy and lazrs", extra="las")
+_LAS = ScanFormat(
+    write_las, misses=False, intensity=False, module="laspy", package="laspy", extra="las"
+)
+_LAZ = replace(_LAS, module="lazrs", package="laspy and lazrs")
 _TIFF = ScanFormat(write_tiff, companions=(BESIDE,), images=True, axes=False)
 
 FORMATS = {
