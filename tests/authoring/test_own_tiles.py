@@ -154,6 +154,28 @@ def test_what_difficulty_does_not_change_is_written_once(folder: Path) -> None:
     assert sorted(made["surfTypes"]) == ["floor", "own: floor", "own: hole"]
 
 
+def test_parts_of_a_file_follow_the_difficulty_too(folder: Path) -> None:
+    """A part is written alike at two difficulties, and stands for two shapes."""
+    yard = copy.deepcopy(YARD)
+    yard["parts"]["post"]["vScale"] = 0.7  # else all parts are written out
+    (folder / "yard.json").write_text(json.dumps(yard))
+    spec = {
+        "rows": 2, "columns": 1, "tile": [7, 5], "jitter": 0,
+        "kinds": {
+            "own": {
+                "kind": "definition", "file": "yard.json",
+                "values": {"/elemTypes/ground/y/2": "1 + 4*difficulty"},
+            }
+        },
+    }  # fmt: skip
+    made = curriculum(spec)
+    x, y = strewn((7, 5))
+    for row, highest in enumerate((1.0, 3.0)):
+        yard["elemTypes"]["ground"]["y"][2] = highest
+        wanted = terratool.load(yard).height(x, y)
+        assert made.terrain.height(x + 7 * row, y) == pytest.approx(wanted, abs=1e-9)
+
+
 def test_a_part_of_a_library_stands_in_the_middle(folder: Path) -> None:
     made = own(0.25, file="kit.json", part="wedge", extent=[4, 2], vScale="4*difficulty")
     x, y = strewn((4.0, 2.0))

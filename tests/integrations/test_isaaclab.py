@@ -15,6 +15,7 @@ import pytest
 from terratool.errors import DefinitionError, RequestError
 from terratool.integrations.isaaclab import TerrainGenerator, TileCfg
 from terratool.integrations.isaaclab_kinds import tile_of
+from terratool.integrations.tiles import without_gaps
 
 SIZE = (6.0, 5.0)
 
@@ -85,6 +86,14 @@ def test_colours_follow_the_scheme(scheme: str) -> None:
         assert (colors[low][0] != colors[high][0]).any()
     else:
         assert len(np.unique(colors, axis=0)) > len(colors) / 2
+
+
+def test_places_that_were_not_found_are_those_that_were() -> None:
+    gap = np.full(3, np.nan)
+    places = np.array([[[[1.0, 2, 3], [4, 5, 6], gap, gap, gap], [gap] * 5]])
+    filled = without_gaps(places, np.array([[True, False]]), "root")
+    assert filled[0, 0, :, 0].tolist() == [1, 4, 1, 4, 1]
+    assert np.isnan(filled[0, 1]).all()
 
 
 def test_no_level_place_is_said() -> None:
