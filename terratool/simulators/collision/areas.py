@@ -1,0 +1,260 @@
+"""Rectangles of curved ground in which nothing stands upright, for height fields."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from terratool.definition.findings import Bounds
+from terratool.field.bounds import curve_hulls, curve_pieces, nonzero_edges, with_holes
+from terratool.field.footprints import outline_of
+from terratool.field.records import COMBINE, STEPPED
+from terratool.field.terrain import Terrain
+from terratool.simulators.collision.lattices import GroundSampler
+from terratool.simulators.collision.solids import Floats
+
+_ASIDE = 1e-7
+"""Distance from an edge at which heights beside it are asked, in the terrain's longer side."""
+_ON_EDGE = 16
+"""Points on each edge at which a wall is looked for."""
+_SMALLEST = 1 / 64
+"""Least side of an area, in the terrain's longer side."""
+_MOST = 2000
+"""Most rectangles that are looked at."""
+_LOOKED = 32
+"""Columns and rows of cells in which a rectangle is looked at."""
+_PLANE = 0.05
+"""Largest distance from a plane that is none, in errors."""
+_FULL = 0.3
+"""Least share of curved cells of an area."""
+_NEAR = 1e-9
+"""Distance that is rounding, in the terrain's longer side."""
+
+
+class Walls(NamedTuple):
+    """Places where ground may jump, seen from above, in the world.
+
+    Attributes:
+        lines: (n, 2, 2) float64 ends of straight lines.
+        blocks: (m, 4) float64 west, south, east, north of rectangles with walls anywhere.
+    """
+
+    lines: Floats
+    blocks: Floats
+
+
+def walls_of(terrain: Terrain, least: float) -> Walls:
+    """Return where the ground of a terrain may jump; its outer edges are no walls.
+
+    Args:
+        terrain: terrain with all parts written out, without storeys.
+        least: least height of a wall.
+    """
+    arrays = terrain.arrays
+    elements, kinds = arrays.elements, arrays.kinds
+    cells, footprints = terrain.cells().T, terrain.footprints().T
+    own = elements["kind"]
+    stepped = np.array([_has_steps(terrain, kind) for kind in kinds], np.bool_)
+    whole = stepped[own] | (with_holes(arrays)[own] & (kinds["combine"][own] == COMBINE["grid"]))
+    whole &= (elements["scale"] != 0.0) | (kinds["is_void"][own] != 0)
+    edged = (nonzero_edges(arrays)[own] != 0) | (elements["offset"] != 0.0)
+    edged |= kinds["is_void"][own] != 0
+    poses = arrays.poses[elements["pose"]]
+    bent = (kinds["combine"][own] == COMBINE["radial"]) | (poses["turned"] != 0)
+    lines = []
+    plain = np.flatnonzero(edged & ~bent & ~whole)
+    corners = cells[plain][:, [[0, 1], [2, 1], [2, 3], [0, 3]]]  # (n, 4, 2)
+    lines.append(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 2))
+    for index in np.flatnonzero(edged & bent & ~whole).tolist():
+        west, south, east, north = cells[index].tolist()
+        rectangle = np.array([[west, south], [east, south], [east, north], [west, north]])
+        disc = kinds["combine"][own[index]] == COMBINE["radial"]
+        outline = outline_of(rectangle, poses[index], bool(disc))
+        lines.append(np.stack([outline, np.roll(outline, -1, axis=0)], axis=1))
+    found = np.concatenate(lines)
+    found = found[_are_walls(terrain, found, least)]
+    blocks = [footprints[whole]]
+    tracks = arrays.tracks.segments
+    if terrain.tracks:
+        x = np.stack([tracks["x"], tracks["end_x"]])
+        y = np.stack([tracks["y"], tracks["end_y"]])
+        reach = tracks["reach"].max(axis=1) if tracks["reach"].ndim > 1 else tracks["reach"]
+        blocks.append(
+            np.stack(
+                [x.min(0) - reach, y.min(0) - reach, x.max(0) + reach, y.max(0) + reach], axis=1
+            )
+        )
+    return Walls(found, np.concatenate(blocks))
+
+
+def _has_steps(terrain: Terrain, kind: np.void) -> bool:
+    """Whether a curve of a kind jumps between its ends."""
+    if kind["combine"] == COMBINE["grid"]:
+        return False
+    for n, axis in enumerate("xy"):
+        if kind["knotted"][n] == STEPPED:
+            return True
+        hulls = curve_hulls(curve_pieces(terrain.arrays, kind, axis)[1])
+        jump = np.abs(hulls[0, 1:] - hulls[3, :-1])
+        if (jump > 1e-9 * np.abs(hulls).max()).any():
+            return True
+    return False
+
+
+def _are_walls(terrain: Terrain, lines: Floats, least: float) -> np.ndarray:
+    """Whether the ground jumps somewhere on each line."""
+    west, south, east, north = terrain.bounds
+    aside = _ASIDE * max(east - west, north - south)
+    along = lines[:, 1] - lines[:, 0]
+    lengths = np.maximum(np.linalg.norm(along, axis=1), 1e-300)
+    across = np.column_stack([-along[:, 1], along[:, 0]]) / lengths[:, None] * aside
+    share = (np.arange(_ON_EDGE) + 0.5) / _ON_EDGE
+    points = lines[:, None, 0] + share[:, None] * along[:, None]
+    one, other = points + across[:, None], points - across[:, None]
+    within = np.ones(points.shape[:2], np.bool_)
+    for side in (one, other):
+        within &= (side > (west, south)).all(axis=2) & (side < (east, north)).all(axis=2)
+    found = np.zeros(points.shape[:2], np.bool_)
+    one, other = one[within], other[within]
+    a, b = terrain.ground(one[:, 0], one[:, 1]), terrain.ground(other[:, 0], other[:, 1])
+    # a slope is no wall, however steep
+    found[within] = (np.abs(a - b) > least) | (np.isnan(a) != np.isnan(b))
+    return np.asarray(found.any(axis=1))
+
+
+def smooth_areas(sampler: GroundSampler, walls: Walls, max_error: float) -> list[Bounds]:
+    """Return rectangles of curved ground without walls, which do not overlap.
+
+    A rectangle with walls is cut along them, until there are none, or it is small.
+
+    Args:
+        sampler: heights of the ground.
+        walls: where ground may jump.
+        max_error: largest distance from the ground along z.
+    """
+    west, south, east, north = sampler.terrain.bounds
+    longest = max(east - west, north - south)
+    near = _NEAR * longest
+    found: list[Bounds] = []
+    queue = [(sampler.terrain.bounds, walls)]
+    looked = 0
+    while queue and looked < _MOST:
+        looked += 1
+        bounds, around = queue.pop(0)
+        inside = _inside(around, bounds, near)
+        curved = _curved(sampler, bounds, _PLANE * max_error)
+        if not curved.any():
+            continue
+        if len(inside.lines) or len(inside.blocks):
+            if max(bounds[2] - bounds[0], bounds[3] - bounds[1]) < 2.0 * _SMALLEST * longest:
+                continue
+            cut = _best_cut(inside, bounds, near)
+            queue += [(side, inside) for side in _sides(bounds, *cut)]
+            continue
+        rows, columns = np.flatnonzero(curved.any(axis=1)), np.flatnonzero(curved.any(axis=0))
+        box = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
+        within = curved[box[0] : box[1], box[2] : box[3]]
+        small = max(bounds[2] - bounds[0], bounds[3] - bounds[1]) < 4.0 * _SMALLEST * longest
+        if np.count_nonzero(within) >= _FULL * within.size or small:
+            found.append(_shrunk(bounds, curved.shape, box))
+        else:
+            wide = bounds[2] - bounds[0] > bounds[3] - bounds[1]
+            at = 0.5 * (bounds[0] + bounds[2]) if wide else 0.5 * (bounds[1] + bounds[3])
+            queue += [(side, inside) for side in _sides(bounds, 0 if wide else 1, at)]
+    return found
+
+
+def _shrunk(bounds: Bounds, shape: tuple[int, ...], box: tuple[int, ...]) -> Bounds:
+    """Return the part of a rectangle with a range of rows and columns of cells."""
+    west, south, east, north = bounds
+    y = np.linspace(south, north, shape[0] + 1)
+    x = np.linspace(west, east, shape[1] + 1)
+    return float(x[box[2]]), float(y[box[0]]), float(x[box[3]]), float(y[box[1]])
+
+
+def _curved(sampler: GroundSampler, bounds: Bounds, least: float) -> np.ndarray:
+    """Whether the ground is no plane in cells of a rectangle, and beside them, (n, m)."""
+    west, south, east, north = bounds
+    inside = 1e-6 * max(east - west, north - south)
+    longer = max(east - west, north - south)
+    columns, rows = (max(2, round(_LOOKED * side / longer)) for side in (east - west, north - south))
+    x = np.linspace(west + inside, east - inside, 4 * columns + 1)
+    y = np.linspace(south + inside, north - inside, 4 * rows + 1)
+    heights, _ = sampler.at(x, y)
+    bend = np.zeros(heights.shape, np.bool_)
+    for axis in (0, 1):
+        second = np.abs(np.diff(heights, 2, axis=axis))
+        part = bend[1:-1] if axis == 0 else bend[:, 1:-1]
+        part |= ~(second <= least)
+    twist = heights[1:, 1:] - heights[1:, :-1] - heights[:-1, 1:] + heights[:-1, :-1]
+    bend[:-1, :-1] |= ~(np.abs(twist) <= least)
+    out = np.zeros((rows, columns), np.bool_)
+    for j, i in np.ndindex(5, 5):
+        out |= bend[j : 4 * rows - 4 + j + 1 : 4, i : 4 * columns - 4 + i + 1 : 4]
+    wide = np.pad(out, 1)
+    for j, i in np.ndindex(3, 3):
+        out |= wide[j : j + rows, i : i + columns]
+    return out
+
+
+def _inside(walls: Walls, bounds: Bounds, near: float) -> Walls:
+    """Return the walls that go into a rectangle, those on its edges left out."""
+    low, high = np.array(bounds[:2]) + near, np.array(bounds[2:]) - near
+    lines = walls.lines
+    keep = (lines.max(axis=1) > low).all(axis=1) & (lines.min(axis=1) < high).all(axis=1)
+    blocks = walls.blocks
+    held = (blocks[:, 2:] > low).all(axis=1) & (blocks[:, :2] < high).all(axis=1)
+    return Walls(lines[keep], blocks[held])
+
+
+def _best_cut(walls: Walls, bounds: Bounds, near: float) -> tuple[int, float]:
+    """Return axis and place of the cut along which most walls stand, about the middle if none."""
+    best = -1.0, 0, 0.0
+    for axis in (0, 1):
+        low, high = bounds[axis], bounds[axis + 2]
+        other_low, other_high = bounds[1 - axis], bounds[3 - axis]
+        a, b = walls.lines[:, 0], walls.lines[:, 1]
+        straight = np.abs(a[:, axis] - b[:, axis]) <= near
+        length = np.abs(
+            a[:, 1 - axis].clip(other_low, other_high) - b[:, 1 - axis].clip(other_low, other_high)
+        )
+        places = np.concatenate(
+            [a[straight, axis], walls.blocks[:, axis], walls.blocks[:, axis + 2]]
+        )
+        tall = np.minimum(walls.blocks[:, 3 - axis], other_high) - np.maximum(
+            walls.blocks[:, 1 - axis], other_low
+        )
+        weights = np.concatenate([length[straight], tall, tall])
+        # of bent lines the ends are where a cut leaves all of them on one side
+        bent = ~straight
+        if bent.any():
+            ends = np.concatenate([a[bent, axis].min(keepdims=True), a[bent, axis].max(keepdims=True)])
+            places, weights = np.concatenate([places, ends]), np.append(weights, [near, near])
+        inner = (places > low + near) & (places < high - near)
+        places, weights = places[inner], weights[inner]
+        if not len(places):
+            continue
+        order = np.argsort(places, kind="stable")
+        places, weights = places[order], weights[order]
+        begin = np.flatnonzero(np.append(True, np.diff(places) > near))
+        total = np.add.reduceat(weights, begin) / (other_high - other_low)
+        at = places[begin]
+        share = (at - low) / (high - low)
+        score = np.minimum(total, 1.0) + 0.5 * np.minimum(share, 1.0 - share)
+        k = int(np.argmax(score))
+        if score[k] > best[0]:
+            best = float(score[k]), axis, float(at[k])
+    if best[0] < 0.0:
+        axis = 0 if bounds[2] - bounds[0] > bounds[3] - bounds[1] else 1
+        return axis, 0.5 * (bounds[axis] + bounds[axis + 2])
+    return best[1], best[2]
+
+
+def _sides(bounds: Bounds, axis: int, at: float) -> list[Bounds]:
+    """Return both sides of a cut of a rectangle."""
+    west, south, east, north = bounds
+    if axis == 0:
+        return [(west, south, at, north), (at, south, east, north)]
+    return [(west, south, east, at), (west, at, east, north)]
