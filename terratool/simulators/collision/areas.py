@@ -163,6 +163,29 @@ def smooth_areas(sampler: GroundSampler, walls: Walls, max_error: float) -> list
             wide = bounds[2] - bounds[0] > bounds[3] - bounds[1]
             at = 0.5 * (bounds[0] + bounds[2]) if wide else 0.5 * (bounds[1] + bounds[3])
             queue += [(side, inside) for side in _sides(bounds, 0 if wide else 1, at)]
+    return _merged(found, walls, near)
+
+
+def _merged(areas: list[Bounds], walls: Walls, near: float) -> list[Bounds]:
+    """Return rectangles, where two that make one without walls in it are one."""
+    found = sorted(areas)
+    k = 0
+    while k < len(found):
+        one = found[k]
+        for other in found[k + 1 :]:
+            whole = (
+                min(one[0], other[0]), min(one[1], other[1]),
+                max(one[2], other[2]), max(one[3], other[3]),
+            )  # fmt: skip
+            sizes = [(b[2] - b[0]) * (b[3] - b[1]) for b in (one, other, whole)]
+            within = sizes[0] + sizes[1] >= sizes[2] * (1.0 - 1e-9)
+            if within and not any(len(some) for some in _inside(walls, whole, near)):
+                found.remove(one)
+                found.remove(other)
+                found = sorted([*found, whole])
+                k = -1
+                break
+        k += 1
     return found
 
 
