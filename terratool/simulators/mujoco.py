@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,8 +17,9 @@ from terratool.mesh.export import no_ground
 from terratool.mesh.formats.common import points_of, shape_of
 from terratool.report.numbers import metres
 from terratool.report.wording import count_of
-from terratool.simulators.collision.build import Collision, collision_of
+from terratool.simulators.collision.build import Collision, CollisionRequest, collision_of
 from terratool.simulators.collision.height_patch import SINK, HeightPatch
+from terratool.simulators.collision.smooth import SmoothGround, height_fields_of, smooth_ground
 from terratool.simulators.collision.solids import Solid, plan_rectangle
 from terratool.simulators.markup import child, comment, numbers, rgba, write_xml
 from terratool.simulators.options import SceneOptions
@@ -81,15 +83,18 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
         comment(root, scene.terrain.descr)
     asset = child(root, "asset")
     body = child(child(root, "worldbody"), "body", name="terrain", pos=numbers(scene.offset))
-    geoms = _CollisionGeoms(scene, folder, asset, body)
+    own: Scene | None = None
     if scene.options.flex:
         _add_visuals(scene, folder, asset, body)
         told = _add_flexes(scene, body)
     elif scene.grid_patch is not None:
-        told = geoms.add_grid(scene.grid_patch)
+        told = _CollisionGeoms(scene, folder, asset, body).add_grid(scene.grid_patch)
     else:
-        _add_visuals(scene, folder, asset, body)
-        told = geoms.add()
+        smooth = _smooth_of(scene)
+        own = scene if smooth is None else _beside(scene, smooth)
+        if smooth is None or not smooth.is_all:
+            _add_visuals(own, folder, asset, body)
+        told = _CollisionGeoms(own, folder, asset, body).add(smooth)
     write_xml(root, folder / _FILE)
     return WrittenFiles(
         summary=told.summary,
@@ -104,6 +109,30 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
         facts={"collision": told.facts},
         meshed=told.frictions is None,
         frictions=told.frictions,
+        scene=own,
+    )
+
+
+def _smooth_of(scene: Scene) -> SmoothGround | None:
+    """Return the ground where nothing stands upright; None where all is to become solids."""
+    options, terrain = scene.options, scene.terrain
+    if options.collision == "hfield":
+        scene.say("laying height fields")
+        patches = height_fields_of(terrain, options.max_error, options.max_geoms)
+        return SmoothGround(terrain, [terrain.bounds], [], patches)
+    if options.collision == "convex" or terrain.storeys is not None:
+        return None
+    scene.say("laying height fields where nothing stands upright")
+    found = smooth_ground(terrain, options.max_error, options.max_geoms)
+    return found if found.solids or found.patches else None
+
+
+def _beside(scene: Scene, smooth: SmoothGround) -> Scene:
+    """Return the scene of the ground beside what height fields and domes stand for."""
+    worn = {surface for patch in smooth.patches for surface in patch.used_surfaces}
+    worn |= {solid.surface for solid in smooth.solids}
+    return replace(
+        scene, terrain=smooth.terrain, holes=smooth.areas, beside=frozenset(worn)
     )
 
 
@@ -172,9 +201,15 @@ class _CollisionGeoms:
         self._scene, self._folder, self._asset, self._body = scene, folder, asset, body
         self._counts = {"box": 0, "mesh": 0, "hfield": 0}
 
-    def add(self) -> _Told:
-        """Add solids and height fields that collide, and are not seen."""
+    def add(self, smooth: SmoothGround | None = None) -> _Told:
+        """Add solids and height fields that collide.
+
+        Args:
+            smooth: ground that is both seen and collided with, beside the scene; None for none.
+        """
         options, scene = self._scene.options, self._scene
+        if smooth is not None and smooth.is_all:
+            return self._add_smooth(smooth)
         own, error = self._errors()
         parts = scene.parts_within(own)
         if parts is not None:
@@ -182,25 +217,63 @@ class _CollisionGeoms:
         else:
             built = scene.built_mesh if own == options.max_error else scene.mesh_within(own)
         seam, most = _SEAM * options.max_error, options.max_geoms
-        found = collision_of(scene.terrain, built, error, seam, most, scene.say, parts)
-        levels = (built if len(built.mesh.faces) else scene.built_mesh).mesh.vertices[:, 2]
-        low, relief = float(levels.min()), float(np.ptp(levels))
-        self._base = low - max(_BELOW, _PART * relief)
-        self._sunk = low - SINK * max(relief, _BELOW)
-        for solid in found.solids:
-            self._add_solid(solid)
-        for patch in found.patches:
-            for surface in patch.used_surfaces:
-                self._add_patch(patch, surface)
-        counts = self._counts
-        summary = (
-            f"{count_of(sum(counts.values()), 'geom')} to collide with: "
-            f"{count_of(counts['box'], 'box')}, {count_of(counts['mesh'], 'convex mesh')}, "
-            f"{count_of(counts['hfield'], 'height field')}"
+        if smooth is not None:
+            most = max(1, most - len(smooth.solids) - len(smooth.patches))
+        request = CollisionRequest(
+            scene.terrain, built, error, seam, most, scene.say, parts, scene.holes
         )
+        found = collision_of(request)
+        levels = (built if len(built.mesh.faces) else scene.built_mesh).mesh.vertices[:, 2]
+        self._add_all(found, float(levels.min()), float(levels.max()), smooth)
+        if smooth is not None:
+            found = found._replace(
+                solids=found.solids + smooth.solids, patches=found.patches + smooth.patches
+            )
+        counts = self._counts
+        summary = _summary(counts)
         solids = found.height + built.error
         losses = _loss_sentence(found, solids, options, error, sum(counts.values()))
         return _Told(summary, _LAYERS, (losses,), self._facts(found, solids, seam))
+
+    def _add_smooth(self, smooth: SmoothGround) -> _Told:
+        """Add height fields and domes that are all of the ground, and are seen, too.
+
+        Raises:
+            RequestError: there is no ground.
+        """
+        options, scene = self._scene.options, self._scene
+        found = Collision(smooth.solids, smooth.patches, options.max_error)
+        if not found.solids and not any(patch.used.any() for patch in found.patches):
+            raise no_ground()
+        self._add_all(Collision([], [], 0.0), math.inf, -math.inf, smooth)
+        counts = self._counts
+        summary = _summary(counts)
+        solids = options.max_error if found.solids else 0.0
+        losses = _loss_sentence(found, solids, options, solids, sum(counts.values()))
+        worn = [scene.material(n) for n in sorted(scene.beside, key=lambda n: (n < 0, n))]
+        facts = self._facts(found, solids, 0.0)
+        return _Told(summary, _FIELD, (losses,), facts, tuple(worn))
+
+    def _add_all(
+        self, found: Collision, low: float, high: float, smooth: SmoothGround | None
+    ) -> None:
+        """Add geoms of a mesh with a lowest and a highest level, and those that are seen, too."""
+        seen = Collision([], [], 0.0)
+        if smooth is not None:
+            seen = Collision(smooth.solids, smooth.patches, 0.0)
+        for levels in (
+            *(solid.top[:, 2] for solid in seen.solids),
+            *(patch.heights for patch in seen.patches if patch.used.any()),
+        ):
+            low, high = min(low, float(np.nanmin(levels))), max(high, float(np.nanmax(levels)))
+        self._base = low - max(_BELOW, _PART * (high - low))
+        self._sunk = low - SINK * max(high - low, _BELOW)
+        for part in (found, seen):
+            for solid in part.solids:
+                self._add_solid(solid, part is seen)
+            for patch in part.patches:
+                for surface in patch.used_surfaces:
+                    self._add_patch(patch, surface, part is seen)
 
     def add_grid(self, patch: HeightPatch) -> _Told:
         """Add a height field for each surface of a grid, which is seen and collides.
@@ -254,8 +327,8 @@ class _CollisionGeoms:
         self._counts[kind] += 1
         return f"collision_{kind}_{self._counts[kind] - 1}"
 
-    def _add_solid(self, solid: Solid) -> None:
-        contact = _contact(self._scene.material(solid.surface))
+    def _add_solid(self, solid: Solid, seen: bool = False) -> None:
+        contact = _contact(self._scene.material(solid.surface), seen)
         box = plan_rectangle(solid)
         if box is not None:
             half = 0.5 * (box.top - (self._base if box.under is None else box.under))
@@ -299,6 +372,15 @@ class _CollisionGeoms:
             pos=numbers((0.5 * (west + east), 0.5 * (south + north), low)),
             **_contact(self._scene.material(surface), seen),
         )  # fmt: skip
+
+
+def _summary(counts: dict[str, int]) -> str:
+    """Return what collides in a few words."""
+    return (
+        f"{count_of(sum(counts.values()), 'geom')} to collide with: "
+        f"{count_of(counts['box'], 'box')}, {count_of(counts['mesh'], 'convex mesh')}, "
+        f"{count_of(counts['hfield'], 'height field')}"
+    )
 
 
 def _grid_losses(patch: HeightPatch, sunk: float) -> Iterator[str]:

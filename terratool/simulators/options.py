@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from terratool.errors import RequestError
 from terratool.mesh.origin import Origin, check_origin
@@ -18,11 +19,15 @@ ASSUMED_FRICTION = 0.7
 
 MAX_GEOMS = 2000
 """Default of the most geoms: MuJoCo's steps take longer with more."""
+COLLISIONS = "auto", "hfield", "convex"
+"""Kinds of what collides."""
+Collisions = Literal["auto", "hfield", "convex"]
 MAX_SLOPE, MAX_STEP = 20.0, 0.1
 """Default limits of slope (degrees) and step (units of the terrain), if no vehicle is named."""
 
 _ABOUT = {
     "max_geoms": ["mujoco"],
+    "collision": ["mujoco"],
     "flex": ["mujoco"],
     "heightmap": ["gazebo"],
     "vehicle": ["nav2", "grid-map"],
@@ -32,7 +37,7 @@ _ABOUT = {
     "dask": ["nav2", "grid-map"],
 }
 """Targets that use an option, by the option's name."""
-_IN_PLACE_OF = {"max_geoms": "flex", "max_slope": "vehicle", "max_step": "vehicle"}
+_IN_PLACE_OF = {"max_geoms": "flex", "collision": "flex", "max_slope": "vehicle", "max_step": "vehicle"}
 """Option that makes another one idle, by the name of the idle one."""
 
 
@@ -45,6 +50,8 @@ class SceneOptions:
         origin: zero of the files: the south-west corner, the middle, the zero of the world, or a
             point of the world.
         friction: coefficient of friction of surfaces without a friction angle, from 0 on.
+        collision: MuJoCo: what collides: height fields where nothing stands upright and solids
+            elsewhere, height fields alone, or solids wherever these are few.
         max_geoms: MuJoCo: most solids and height fields that collide, from 1 on.
         flex: MuJoCo: whether the exact mesh collides as rigid flexes, in place of solids and height
             fields.
@@ -60,6 +67,7 @@ class SceneOptions:
     max_error: float = DEFAULT_ERROR
     origin: Origin = "local"
     friction: float = ASSUMED_FRICTION
+    collision: Collisions = "auto"
     max_geoms: int = MAX_GEOMS
     flex: bool = False
     heightmap: bool = False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 from msgspec import UNSET
 
 from terratool.cluster import Crew, Threads
+from terratool.definition.findings import Bounds
 from terratool.definition.presets import friction_of, preset_of, property_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
-from terratool.mesh.build import GREY
+from terratool.mesh.build import GREY, build
 from terratool.mesh.export import BudgetedMesh, MeshOptions, collapse_degenerate, loss_of, no_ground
 from terratool.mesh.formats.common import (
     NO_COLOR,
@@ -80,6 +81,8 @@ class Scene:
         say: function that is called with a phrase at each step.
         judge: judge by the vehicle that the options name; None without a vehicle.
         crew: crew that looks at windows of cells.
+        holes: world rectangles that the mesh leaves out.
+        beside: indices of surfaces of ground that the mesh leaves out; -1 for none.
     """
 
     terrain: Terrain
@@ -88,6 +91,8 @@ class Scene:
     say: Callable[[str], object] = lambda _: None
     judge: Judge | None = None
     crew: Crew = field(default_factory=lambda: Threads(processors()))
+    holes: Sequence[Bounds] = ()
+    beside: frozenset[int] = frozenset()
 
     @cached_property
     def ground(self) -> Scene:
@@ -120,9 +125,12 @@ class Scene:
             RequestError: there is no ground, or its mesh would be too large.
         """
         self.say(f"meshing within {metres(error)}")
-        self._refuse_faces(error)
-        built = collapse_degenerate(build_all(self.terrain, error))
-        if not len(built.mesh.faces):
+        if self.holes:
+            built = collapse_degenerate(build(self.terrain, error, holes=self.holes))
+        else:
+            self._refuse_faces(error)
+            built = collapse_degenerate(build_all(self.terrain, error))
+        if not len(built.mesh.faces) and not self.holes:
             raise no_ground()
         self.say(f"{count_of(len(built.mesh.faces), 'face')} within {metres(error)}")
         return built
@@ -265,7 +273,8 @@ class Scene:
         Ground without a surface is last, if there is any.
         """
         if meshed:
-            return [self.material(part.surface) for part in self.parts]
+            worn = {part.surface for part in self.parts} | self.beside
+            return [self.material(index) for index in sorted(worn, key=lambda n: (n < 0, n))]
         terrain, arrays = self.terrain, self.terrain.arrays
         worn = set(arrays.worn.tolist())
         worn.discard(-1)  # tracks that leave the ground its own surface

@@ -13,7 +13,7 @@ from terratool.field.footprints import outline_of
 from terratool.field.records import COMBINE, STEPPED
 from terratool.field.terrain import Terrain
 from terratool.simulators.collision.lattices import GroundSampler
-from terratool.simulators.collision.solids import Floats
+from terratool.simulators.collision.height_patch import Bools, Floats
 
 _ASIDE = 1e-7
 """Distance from an edge at which heights beside it are asked, in the terrain's longer side."""
@@ -60,21 +60,26 @@ def walls_of(terrain: Terrain, least: float) -> Walls:
     whole = stepped[own] | (with_holes(arrays)[own] & (kinds["combine"][own] == COMBINE["grid"]))
     whole &= (elements["scale"] != 0.0) | (kinds["is_void"][own] != 0)
     edged = (nonzero_edges(arrays)[own] != 0) | (elements["offset"] != 0.0)
-    edged |= kinds["is_void"][own] != 0
     poses = arrays.poses[elements["pose"]]
+    # what is turned is cut off by its cell
+    edged |= (kinds["is_void"][own] != 0) | ((poses["turned"] != 0) & (poses["free"] == 0))
     bent = (kinds["combine"][own] == COMBINE["radial"]) | (poses["turned"] != 0)
-    lines = []
     plain = np.flatnonzero(edged & ~bent & ~whole)
     corners = cells[plain][:, [[0, 1], [2, 1], [2, 3], [0, 3]]]  # (n, 4, 2)
-    lines.append(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 2))
+    lines = [
+        np.stack(
+            [np.roll(corners, 1, axis=1), corners, np.roll(corners, -1, axis=1)], axis=2
+        ).reshape(-1, 3, 2)
+    ]
     for index in np.flatnonzero(edged & bent & ~whole).tolist():
         west, south, east, north = cells[index].tolist()
         rectangle = np.array([[west, south], [east, south], [east, north], [west, north]])
         disc = kinds["combine"][own[index]] == COMBINE["radial"]
         outline = outline_of(rectangle, poses[index], bool(disc))
-        lines.append(np.stack([outline, np.roll(outline, -1, axis=0)], axis=1))
+        before, behind = np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0)
+        lines.append(np.stack([before, outline, behind], axis=1))
     found = np.concatenate(lines)
-    found = found[_are_walls(terrain, found, least)]
+    found = found[_are_walls(terrain, found, least)][:, 1:]
     blocks = [footprints[whole]]
     tracks = arrays.tracks.segments
     if terrain.tracks:
@@ -103,23 +108,31 @@ def _has_steps(terrain: Terrain, kind: np.void) -> bool:
     return False
 
 
-def _are_walls(terrain: Terrain, lines: Floats, least: float) -> np.ndarray:
-    """Whether the ground jumps somewhere on each line."""
+def _are_walls(terrain: Terrain, lines: Floats, least: float) -> Bools:
+    """Whether the ground jumps somewhere on each line, (n,).
+
+    Args:
+        terrain: terrain.
+        lines: (n, 3, 2) the corner before each line, and its ends; those of a disc are on its arc.
+        least: least height of a wall.
+    """
     west, south, east, north = terrain.bounds
     aside = _ASIDE * max(east - west, north - south)
-    along = lines[:, 1] - lines[:, 0]
-    lengths = np.maximum(np.linalg.norm(along, axis=1), 1e-300)
-    across = np.column_stack([-along[:, 1], along[:, 0]]) / lengths[:, None] * aside
-    share = (np.arange(_ON_EDGE) + 0.5) / _ON_EDGE
-    points = lines[:, None, 0] + share[:, None] * along[:, None]
-    one, other = points + across[:, None], points - across[:, None]
+    along = np.diff(lines, axis=1)
+    along /= np.maximum(np.linalg.norm(along, axis=2), 1e-300)[:, :, None]
+    normals = np.stack([-along[..., 1], along[..., 0]], axis=2)
+    share = np.append(0.0, (np.arange(_ON_EDGE) + 0.5) / _ON_EDGE)
+    points = lines[:, None, 1] + share[:, None] * (lines[:, 2] - lines[:, 1])[:, None]
+    across = np.repeat(normals[:, 1:], len(share), axis=1)
+    across[:, 0] += normals[:, 0]
+    across *= aside
+    one, other = points + across, points - across
     within = np.ones(points.shape[:2], np.bool_)
     for side in (one, other):
         within &= (side > (west, south)).all(axis=2) & (side < (east, north)).all(axis=2)
     found = np.zeros(points.shape[:2], np.bool_)
     one, other = one[within], other[within]
     a, b = terrain.ground(one[:, 0], one[:, 1]), terrain.ground(other[:, 0], other[:, 1])
-    # a slope is no wall, however steep
     found[within] = (np.abs(a - b) > least) | (np.isnan(a) != np.isnan(b))
     return np.asarray(found.any(axis=1))
 
@@ -197,7 +210,7 @@ def _shrunk(bounds: Bounds, shape: tuple[int, ...], box: tuple[int, ...]) -> Bou
     return float(x[box[2]]), float(y[box[0]]), float(x[box[3]]), float(y[box[1]])
 
 
-def _curved(sampler: GroundSampler, bounds: Bounds, least: float) -> np.ndarray:
+def _curved(sampler: GroundSampler, bounds: Bounds, least: float) -> Bools:
     """Whether the ground is no plane in cells of a rectangle, and beside them, (n, m)."""
     west, south, east, north = bounds
     inside = 1e-6 * max(east - west, north - south)
@@ -206,6 +219,8 @@ def _curved(sampler: GroundSampler, bounds: Bounds, least: float) -> np.ndarray:
     x = np.linspace(west + inside, east - inside, 4 * columns + 1)
     y = np.linspace(south + inside, north - inside, 4 * rows + 1)
     heights, _ = sampler.at(x, y)
+    if np.isnan(heights).all():
+        return np.zeros((rows, columns), np.bool_)
     bend = np.zeros(heights.shape, np.bool_)
     for axis in (0, 1):
         second = np.abs(np.diff(heights, 2, axis=axis))

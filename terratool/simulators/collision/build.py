@@ -6,7 +6,7 @@ What stands over gaps is covered before, by solids alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -27,6 +27,7 @@ from terratool.simulators.collision.footing import rest_of
 from terratool.simulators.collision.height_patch import Bools, Floats, HeightPatch, Indices, Ints
 from terratool.simulators.collision.patches import CELLS, Surroundings, lay_patches, spread
 from terratool.simulators.collision.solids import (
+    OTHERS,
     VOID,
     Budget,
     GroundTriangles,
@@ -120,22 +121,10 @@ class Collision(NamedTuple):
         return 100.0 * over / whole
 
 
-def collision_of(
-    terrain: Terrain,
-    built: BuiltMesh,
-    max_error: float,
-    seam: float,
-    most: int,
-    say: Callable[[str], object] = lambda _: None,
-    parts: StackParts | None = None,
-) -> Collision:
-    """Cover the ground of a mesh by at most `most` solids and height fields.
+class CollisionRequest(NamedTuple):
+    """Mesh whose ground is to be covered, and limits of what covers it.
 
-    Plane ground and hills become solids. Height fields are laid over the rest, but for the ground
-    at upper edges of walls, creases and the void, which becomes solids, too. If solids are too
-    many, they may be farther from the ground. Where that spoils the ground, there are more.
-
-    Args:
+    Attributes:
         terrain: terrain of the mesh.
         built: mesh; the error of solids is what its own leaves.
         max_error: largest distance of solids and height fields from the terrain.
@@ -143,7 +132,27 @@ def collision_of(
         most: most solids and height fields.
         say: function that is called with a phrase at each step.
         parts: parts of a terrain with storeys, of which the mesh is the ground; None for others.
+        holes: world rectangles that the mesh leaves out, as others cover them.
     """
+
+    terrain: Terrain
+    built: BuiltMesh
+    max_error: float
+    seam: float
+    most: int
+    say: Callable[[str], object] = lambda _: None
+    parts: StackParts | None = None
+    holes: Sequence[Bounds] = ()
+
+
+def collision_of(request: CollisionRequest) -> Collision:
+    """Cover the ground of a mesh by at most `most` solids and height fields.
+
+    Plane ground and hills become solids. Height fields are laid over the rest, but for the ground
+    at upper edges of walls, creases and the void, which becomes solids, too. If solids are too
+    many, they may be farther from the ground. Where that spoils the ground, there are more.
+    """
+    terrain, built, max_error, seam, most, say, parts, _ = request
     height = max(max_error - built.error, _LEAST * max_error)
     levels = built.mesh.vertices[:, 2]
     west, south, east, north = terrain.bounds
@@ -158,7 +167,7 @@ def collision_of(
         over = _cover_over_gaps(parts, int(_SHARE * most), limits)
     if not len(built.mesh.faces):
         return Collision(over[1], [], over[0], over[0] > height)
-    task = _task_of(terrain, built, max_error, limits)
+    task = _task_of(request, limits)
     found = task.cover_ground(max(most - len(over[1]), 1))
     height = max(found.height, over[0])
     return Collision(found.solids + over[1], found.patches, height, height > limits.height)
@@ -218,26 +227,10 @@ class _Task:
         cutting.take_hills(self.groups)
         if done.all():
             return Collision(cutting.solids, [], limits.height)
-        held = shapely.union_all(shapely.polygons(self.triangles[done][:, :, :2]))
-        held = held.buffer(_HAIR, join_style="mitre")
-        shapely.prepare(held)
-        around = replace(self.around, held=held)
-        # where there are too many parts at creases, height fields go on over creases
-        if self._count_left_at(around.sharp, done) > (1.0 - _FIELDS) * most - len(cutting.solids):
-            around = replace(around, sharp=self.ends)
-        limits.say("laying height fields")
-        laid = lay_patches(around, self.extent, int(_FIELDS * most), limits.spoilt)
-        index, pieces = rest_of([one.footing for one in laid], ground)
-        left = (index < len(done)) & ~done[np.minimum(index, len(done) - 1)]
-        index, pieces = index[left], pieces[left]
-        room = (
-            most - len(cutting.solids) - sum(len(one.footing.patch.used_surfaces) for one in laid)
-        )
-        height, found = cutting.cover_rest(pieces, index, self.groups, max(room, 1))
-        solids = cutting.solids + found
-        laid = spread(laid, most - len(solids))
-        patches = [one.footing.patch for one in laid if one.footing.patch.used.any()]
-        return Collision(solids, patches, height, height > limits.height)
+        left = np.flatnonzero(~done)
+        room = max(most - len(cutting.solids), 1)
+        height, found = cutting.cover_rest(self.triangles[left], left, self.groups, room)
+        return Collision(cutting.solids + found, [], height, height > limits.height)
 
     def _count_left_at(self, edges: Floats, done: Bools) -> int:
         """Return the number of parts of the ground without a solid that touch edges, (n, 2, 2)."""
@@ -246,24 +239,24 @@ class _Task:
         return len(np.unique(self.groups[near[~done[near]]]))
 
 
-def _task_of(
-    terrain: Terrain,
-    built: BuiltMesh,
-    max_error: float,
-    limits: _Limits,
-) -> _Task:
-    """Return the task of covering a mesh, with arguments of `collision_of`, and limits."""
-    mesh = built.mesh
+def _task_of(request: CollisionRequest, limits: _Limits) -> _Task:
+    """Return the task of covering the mesh of a request."""
+    terrain, mesh, max_error = request.terrain, request.built.mesh, request.max_error
     west, south, east, north = terrain.bounds
     extent = 0.0, 0.0, east - west, north - south
     faces = mesh.faces[~mesh.walls]
     triangles, surfaces = mesh.vertices[faces], mesh.surfaces[~mesh.walls]
     joints = _joints(triangles, surfaces, faces)
     rims, walls = _rims(mesh, extent), _wall_ends(mesh)
+    held = np.array(request.holes).reshape(-1, 4) - np.tile(mesh.origin[:2], 2)
+    rims = rims[~_on_edges(rims, held, _BORDER * max(extent))]
     void = _void(terrain, mesh, rims, extent)
+    others = _halves_of(held)
     ground = GroundTriangles(
-        np.concatenate([triangles, void]),
-        np.append(surfaces, np.full(len(void), VOID, np.int32)),
+        np.concatenate([triangles, void, others]),
+        np.concatenate(
+            [surfaces, np.full(len(void), VOID), np.full(len(others), OTHERS)], dtype=np.int32
+        ),
         np.concatenate([joints.sharp, walls, rims]),
     )
     ends = np.concatenate([walls, rims])
@@ -516,6 +509,23 @@ def _wall_ends(mesh: Mesh) -> Floats:
     longest = np.argmax([((corners[:, k] - corners[:, k - 1]) ** 2).sum(1) for k in range(3)], 0)
     at = np.arange(len(corners))
     return np.stack([corners[at, longest], corners[at, longest - 1]], axis=1)
+
+
+def _halves_of(rectangles: Floats) -> Floats:
+    """Return the triangles of rectangles, (2 n, 3, 3), far below."""
+    corners = rectangles[:, [[0, 1], [2, 1], [2, 3], [0, 3]]]
+    flat = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
+    return np.concatenate([flat, np.full((*flat.shape[:2], 1), _DEEP)], axis=2)
+
+
+def _on_edges(ends: Floats, rectangles: Floats, near: float) -> Bools:
+    """Whether edges, (n, 2, 2), lie on an edge of a rectangle, (n,)."""
+    found = np.zeros(len(ends), np.bool_)
+    middles = shapely.points(ends.mean(axis=1))
+    for sides in (shapely.boundary(shapely.box(*rectangles.T)),) if len(rectangles) else ():
+        index, _ = shapely.STRtree(sides).query(middles, predicate="dwithin", distance=near)
+        found[index] = True
+    return found
 
 
 def _rims(mesh: Mesh, extent: Bounds) -> Floats:

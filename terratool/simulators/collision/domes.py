@@ -16,9 +16,9 @@ from terratool.simulators.collision.solids import Floats, Solid
 
 _UPRIGHT = 1000.0
 """Slope of the curve at the edge of a disc above which it ends upright, in its largest values."""
-_ROUND = 4, 96
+_ROUND = 8, 128
 """Least and most corners of a ring, and half of the most rings."""
-_SHARE = 0.5
+_SHARE = 0.35
 """Share of the error that facets may take."""
 
 

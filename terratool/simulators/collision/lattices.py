@@ -333,7 +333,7 @@ def _surplus(heights: Floats) -> float:
     """Return the largest distance of middles of cells and edges from planes of every other node."""
     nodes = heights[::2, ::2]
     return max(
-        float(np.abs(between - 0.5 * (one + other)).max())
+        float(np.nanmax(np.abs(between - 0.5 * (one + other)), initial=0.0))
         for between, one, other in (
             (heights[::2, 1::2], nodes[:, :-1], nodes[:, 1:]),
             (heights[1::2, ::2], nodes[:-1], nodes[1:]),

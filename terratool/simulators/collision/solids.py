@@ -23,6 +23,8 @@ Indices = NDArray[np.intp]
 
 VOID = -2
 """Index of a surface that stands for no ground."""
+OTHERS = -3
+"""Index of a surface that stands for ground which others cover, and no solid may."""
 
 SLIVER = 1e-9
 """Least area that counts, square units of the terrain."""
@@ -121,7 +123,7 @@ class GroundTriangles:
     Attributes:
         triangles: (n, 3, 3) float64 corners, counter-clockwise seen from above; of gaps (n, 3, 4):
             x, y, floor, ceiling.
-        surfaces: (n,) int32 surface indices, -1 for none, VOID where the ground is far below.
+        surfaces: (n,) int32 surface indices, -1 for none, VOID or OTHERS where it counts as far below.
         sharp: (k, 2, 2) float64 ends of walls and creases, seen from above.
     """
 
@@ -297,7 +299,7 @@ def _single_solid(
         hull = _hull(corners[:, :2])
         rim = hull.buffer(-tolerance.rim, join_style="mitre")
         near = ground.tree.query(rim, predicate="intersects")
-        void = len(planes) == 1 and (ground.surfaces[near] == VOID).any()
+        void = len(planes) == 1 and (ground.surfaces[near] <= VOID).any()
         if not void and _fills(piece, hull.buffer(-tolerance.wall, join_style="mitre")):
             return Solid(corners[:, :3], False, surface, _underside(corners)), none
     return None, none
@@ -417,7 +419,7 @@ def _obstructing_parts(
     other = ground.surfaces[near] != surface
     bad = []
     narrow = hull.buffer(-max(tolerance.seam, tolerance.wall), join_style="mitre")
-    void = ground.surfaces[near] == VOID
+    void = ground.surfaces[near] <= VOID
     for zone, which, limit in (
         (inner, slice(None), tolerance.height + _SNAP),  # lower ground
         (hull.buffer(-tolerance.rim, join_style="mitre"), void, 0.0),
