@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple
+import heapq
+from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
+from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.field.bounds import curve_hulls, curve_pieces, nonzero_edges, with_holes
@@ -19,14 +21,18 @@ _ASIDE = 1e-7
 """Distance from an edge at which heights beside it are asked, in the terrain's longer side."""
 _ON_EDGE = 16
 """Points on each edge at which a wall is looked for."""
-_SMALLEST = 1 / 64
+_ARC = 0.9
+"""Cosine of the turn at a corner above which it is on an arc."""
+_SMALLEST = 1 / 128
 """Least side of an area, in the terrain's longer side."""
 _MOST = 2000
 """Most rectangles that are looked at."""
 _LOOKED = 32
 """Columns and rows of cells in which a rectangle is looked at."""
-_PLANE = 0.05
-"""Largest distance from a plane that is none, in errors."""
+_PLANE = 1e-4
+"""Largest change of slope between two places that is rounding, in errors."""
+_SOME = 0.01
+"""Share of curved cells up to which a rectangle has no curved ground."""
 _FULL = 0.3
 """Least share of curved cells of an area."""
 _NEAR = 1e-9
@@ -126,8 +132,11 @@ def _are_walls(terrain: Terrain, lines: Floats, least: float) -> Bools:
     across = np.repeat(normals[:, 1:], len(share), axis=1)
     across[:, 0] += normals[:, 0]
     across *= aside
+    # at a corner that is no part of an arc, other edges end
+    arc = (along[:, 0] * along[:, 1]).sum(axis=1) > _ARC
     one, other = points + across, points - across
     within = np.ones(points.shape[:2], np.bool_)
+    within[:, 0] = arc
     for side in (one, other):
         within &= (side > (west, south)).all(axis=2) & (side < (east, north)).all(axis=2)
     found = np.zeros(points.shape[:2], np.bool_)
@@ -140,43 +149,103 @@ def _are_walls(terrain: Terrain, lines: Floats, least: float) -> Bools:
 def smooth_areas(sampler: GroundSampler, walls: Walls, max_error: float) -> list[Bounds]:
     """Return rectangles of curved ground without walls, which do not overlap.
 
-    A rectangle with walls is cut along them, until there are none, or it is small.
+    First come footprints of elements. Other ground with walls is cut along them, until there are
+    none, or it is small.
 
     Args:
         sampler: heights of the ground.
         walls: where ground may jump.
         max_error: largest distance from the ground along z.
     """
-    west, south, east, north = sampler.terrain.bounds
+    west, south, east, north = whole = sampler.terrain.bounds
     longest = max(east - west, north - south)
-    near = _NEAR * longest
-    found: list[Bounds] = []
-    queue = [(sampler.terrain.bounds, walls)]
-    looked = 0
-    while queue and looked < _MOST:
-        looked += 1
-        bounds, around = queue.pop(0)
+    near, smallest, plane = _NEAR * longest, _SMALLEST * longest, _PLANE * max_error
+    found = _element_areas(sampler, walls, 2.0 * smallest, plane)
+    number = len(found)
+    walls = Walls(walls.lines, np.concatenate([walls.blocks, np.array(found).reshape(-1, 4)]))
+    held = shapely.box(*np.array(found).reshape(-1, 4).T)
+    queue: list[tuple[float, int, Bounds, Walls]] = [(0.0, 0, whole, walls)]
+    for looked in range(1, _MOST):
+        if not queue:
+            break
+        _, _, bounds, around = heapq.heappop(queue)
         inside = _inside(around, bounds, near)
-        curved = _curved(sampler, bounds, _PLANE * max_error)
-        if not curved.any():
+        curved = _curved(sampler, bounds, plane)
+        if number:
+            curved &= ~shapely.contains(held[:, None, None], _middles(bounds, curved.shape)).any(0)
+        if np.count_nonzero(curved) <= _SOME * curved.size:
             continue
+        size = max(bounds[2] - bounds[0], bounds[3] - bounds[1])
         if len(inside.lines) or len(inside.blocks):
-            if max(bounds[2] - bounds[0], bounds[3] - bounds[1]) < 2.0 * _SMALLEST * longest:
+            if size < 2.0 * smallest:
                 continue
-            cut = _best_cut(inside, bounds, near)
-            queue += [(side, inside) for side in _sides(bounds, *cut)]
-            continue
-        rows, columns = np.flatnonzero(curved.any(axis=1)), np.flatnonzero(curved.any(axis=0))
-        box = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
-        within = curved[box[0] : box[1], box[2] : box[3]]
-        small = max(bounds[2] - bounds[0], bounds[3] - bounds[1]) < 4.0 * _SMALLEST * longest
-        if np.count_nonzero(within) >= _FULL * within.size or small:
-            found.append(_shrunk(bounds, curved.shape, box))
+            sides = _sides(bounds, *_best_cut(inside, bounds, near))
         else:
+            rows, columns = np.flatnonzero(curved.any(axis=1)), np.flatnonzero(curved.any(axis=0))
+            box = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
+            within = curved[box[0] : box[1], box[2] : box[3]]
+            if np.count_nonzero(within) >= _FULL * within.size or size < 4.0 * smallest:
+                found.append(_shrunk(bounds, curved.shape, box))
+                continue
             wide = bounds[2] - bounds[0] > bounds[3] - bounds[1]
             at = 0.5 * (bounds[0] + bounds[2]) if wide else 0.5 * (bounds[1] + bounds[3])
-            queue += [(side, inside) for side in _sides(bounds, 0 if wide else 1, at)]
-    return _merged(found, walls, near)
+            sides = _sides(bounds, 0 if wide else 1, at)
+        for k, side in enumerate(sides):
+            area = (side[2] - side[0]) * (side[3] - side[1])
+            heapq.heappush(queue, (-area, 2 * looked + k, side, inside))
+    return found[:number] + _merged(found[number:], walls, near)
+
+
+def _middles(bounds: Bounds, shape: tuple[int, ...]) -> NDArray[Any]:
+    """Return the middles of rows and columns of cells of a rectangle as points, (n, m)."""
+    west, south, east, north = bounds
+    y, x = (
+        low + (high - low) * (np.arange(count) + 0.5) / count
+        for low, high, count in ((south, north, shape[0]), (west, east, shape[1]))
+    )
+    return np.asarray(shapely.points(*np.meshgrid(x, y)))
+
+
+def _element_areas(
+    sampler: GroundSampler, walls: Walls, smallest: float, plane: float
+) -> list[Bounds]:
+    """Return footprints of elements, the largest first, with curved ground and without walls.
+
+    Args:
+        sampler: heights of the ground.
+        walls: where ground may jump.
+        smallest: least side of a footprint.
+        plane: largest change of slope that is rounding, times the distance of the places.
+    """
+    terrain = sampler.terrain
+    west, south, east, north = terrain.bounds
+    near = _NEAR * max(east - west, north - south)
+    arrays = terrain.arrays
+    own, poses = arrays.elements["kind"], arrays.poses[arrays.elements["pose"]]
+    cells = terrain.cells().T
+    fits = (arrays.kinds["combine"][own] != COMBINE["radial"]) & (poses["turned"] == 0)
+    fits &= (cells[:, 2:] - cells[:, :2]).min(axis=1) >= smallest
+    cells = np.unique(cells[fits], axis=0)
+    inner = shapely.box(*(cells + (near, near, -near, -near)).T)
+    free = np.ones(len(cells), np.bool_)
+    for shapes in (shapely.linestrings(walls.lines), shapely.box(*walls.blocks.T)):
+        if len(shapes):
+            free[shapely.STRtree(shapes).query(inner, predicate="intersects")[0]] = False
+    cells, inner = cells[free], inner[free]
+    found: list[int] = []
+    for k in np.argsort(-shapely.area(inner), kind="stable").tolist():
+        if found and shapely.intersects(inner[found], inner[k]).any():
+            continue
+        bounds: Bounds = tuple(cells[k].tolist())
+        if np.count_nonzero(_curved(sampler, bounds, plane)) >= _FULL * _LOOKED**2 * _oblong(bounds):
+            found.append(k)
+    return [tuple(cells[k].tolist()) for k in found]
+
+
+def _oblong(bounds: Bounds) -> float:
+    """Return the ratio of the shorter to the longer side of a rectangle."""
+    sides = bounds[2] - bounds[0], bounds[3] - bounds[1]
+    return min(sides) / max(sides)
 
 
 def _merged(areas: list[Bounds], walls: Walls, near: float) -> list[Bounds]:
@@ -218,16 +287,14 @@ def _curved(sampler: GroundSampler, bounds: Bounds, least: float) -> Bools:
     columns, rows = (max(2, round(_LOOKED * side / longer)) for side in (east - west, north - south))
     x = np.linspace(west + inside, east - inside, 4 * columns + 1)
     y = np.linspace(south + inside, north - inside, 4 * rows + 1)
-    heights, _ = sampler.at(x, y)
-    if np.isnan(heights).all():
+    slopes = sampler.slopes_at(x, y)
+    if np.isnan(slopes).all():
         return np.zeros((rows, columns), np.bool_)
-    bend = np.zeros(heights.shape, np.bool_)
-    for axis in (0, 1):
-        second = np.abs(np.diff(heights, 2, axis=axis))
-        part = bend[1:-1] if axis == 0 else bend[:, 1:-1]
-        part |= ~(second <= least)
-    twist = heights[1:, 1:] - heights[1:, :-1] - heights[:-1, 1:] + heights[:-1, :-1]
-    bend[:-1, :-1] |= ~(np.abs(twist) <= least)
+    # where the ground jumps, slopes are no steeper
+    least /= max(x[1] - x[0], y[1] - y[0])
+    bend = np.zeros(slopes.shape[1:], np.bool_)
+    bend[:, :-1] |= (~(np.abs(np.diff(slopes, axis=2)) <= least)).any(axis=0)
+    bend[:-1] |= (~(np.abs(np.diff(slopes, axis=1)) <= least)).any(axis=0)
     out = np.zeros((rows, columns), np.bool_)
     for j, i in np.ndindex(5, 5):
         out |= bend[j : 4 * rows - 4 + j + 1 : 4, i : 4 * columns - 4 + i + 1 : 4]

@@ -223,8 +223,6 @@ class _Task:
         done = cutting.done
         limits.say("finding plane ground")
         cutting.take_planes(self.joints)
-        limits.say("finding hills and ramps")
-        cutting.take_hills(self.groups)
         if done.all():
             return Collision(cutting.solids, [], limits.height)
         left = np.flatnonzero(~done)

@@ -57,6 +57,16 @@ class GroundSampler:
         return Painter(self.terrain.ground_alone, None, np.float64)
 
     @cached_property
+    def _sloping(self) -> Painter:
+        return Painter(self.terrain.ground_alone, None, np.float64, surfaces=False, slopes=True)
+
+    def slopes_at(self, x: Floats, y: Floats) -> Floats:
+        """Return slopes to the east and to the north, (2, m, n), at nodes as those of `at`."""
+        planes = self._sloping.paint_lattice(x, y)
+        assert planes.slope_x is not None and planes.slope_y is not None
+        return np.stack([planes.slope_x[::-1], planes.slope_y[::-1]])
+
+    @cached_property
     def _details(self) -> tuple[Floats, Floats]:
         """Footprints of elements, (4, n), and the shortest straight stretch of each, (n,)."""
         west, south, east, north = cells = self.terrain.cells()
