@@ -215,7 +215,9 @@ class _CollisionGeoms:
         if parts is not None:
             built = parts.ground
         else:
-            built = scene.built_mesh if own == options.max_error else scene.mesh_within(own)
+            built = scene.built_mesh
+            if own != options.max_error and built.error > own:
+                built = scene.mesh_within(own)
         seam, most = _SEAM * options.max_error, options.max_geoms
         if smooth is not None:
             most = max(1, most - len(smooth.solids) - len(smooth.patches))

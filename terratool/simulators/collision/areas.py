@@ -23,7 +23,7 @@ _ON_EDGE = 16
 """Points on each edge at which a wall is looked for."""
 _ARC = 0.9
 """Cosine of the turn at a corner above which it is on an arc."""
-_SMALLEST = 1 / 128
+_SMALLEST = 1 / 256
 """Least side of an area, in the terrain's longer side."""
 _MOST = 2000
 """Most rectangles that are looked at."""
@@ -33,6 +33,8 @@ _PLANE = 1e-4
 """Largest change of slope between two places that is rounding, in errors."""
 _SOME = 0.01
 """Share of curved cells up to which a rectangle has no curved ground."""
+_MIDDLE = 0.35
+"""Largest distance from the middle at which a rectangle is cut beside a bent wall, in its side."""
 _FULL = 0.3
 """Least share of curved cells of an area."""
 _NEAR = 1e-9
@@ -335,8 +337,11 @@ def _best_cut(walls: Walls, bounds: Bounds, near: float) -> tuple[int, float]:
         # of bent lines the ends are where a cut leaves all of them on one side
         bent = ~straight
         if bent.any():
-            ends = np.concatenate([a[bent, axis].min(keepdims=True), a[bent, axis].max(keepdims=True)])
-            places, weights = np.concatenate([places, ends]), np.append(weights, [near, near])
+            ends = np.stack([a[bent, axis], b[bent, axis]])
+            ends = np.array([ends.min(), ends.max()])
+            # slivers are no gain
+            ends = ends[np.abs((ends - low) / (high - low) - 0.5) < _MIDDLE]
+            places, weights = np.append(places, ends), np.append(weights, np.full(len(ends), near))
         inner = (places > low + near) & (places < high - near)
         places, weights = places[inner], weights[inner]
         if not len(places):

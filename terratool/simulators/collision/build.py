@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -28,6 +28,7 @@ from terratool.simulators.collision.height_patch import Bools, Floats, HeightPat
 from terratool.simulators.collision.patches import CELLS, Surroundings, lay_patches, spread
 from terratool.simulators.collision.solids import (
     OTHERS,
+    SLIVER,
     VOID,
     Budget,
     GroundTriangles,
@@ -37,6 +38,9 @@ from terratool.simulators.collision.solids import (
     areas_of,
     cover,
     plan_rectangle,
+    plane_solid,
+    rectangles_of,
+    solid_over,
 )
 
 _VALLEY = 0.3
@@ -55,6 +59,12 @@ _GROUP = 20_000
 """Most triangles of connected ground that becomes solids; more are left to height fields."""
 _LEAN = 8
 """Least triangles per solid of ground that becomes solids; others are left to height fields."""
+_FULL = 1e-9
+"""Share by which the hull of a convex part may be larger than it."""
+_SLIT = 2e-5
+"""Least width of a convex part of the ground that counts, units of the terrain."""
+_RECTANGLES = 24
+"""Most rectangles that a level part becomes without a search for fewer."""
 _SHARE = 0.5
 """Share of all solids and height fields that plane and hilly ground may take."""
 _FIELDS = 1 / 3
@@ -316,14 +326,39 @@ class _Cutting:
         each = areas_of(triangles)
         sizes = np.array([each[part].sum() for part in parts])
         level = (np.ptp(triangles[:, :, 2:], axis=1) == 0.0).all(axis=1)
+        hulls = [_hull(triangles[part]) for part in parts]
+        convex = np.array([hull.area for hull in hulls]) <= sizes * (1.0 + _FULL) + SLIVER
         for i in np.argsort(-sizes, kind="stable").tolist():
             part = parts[i]
             if level[part[0]]:
-                plane = len(part) > 1 or sizes[i] >= area
+                plane = len(part) > 1 or sizes[i] >= area or convex[i]
             else:
                 plane = sizes[i] >= area and (len(part) > 2 or not bent[part].any())
-            if plane:
+            if plane and convex[i] and triangles.shape[2] == 3:
+                self._take_convex(part, hulls[i])
+            elif plane and not (level[part[0]] and self._take_rectangles(part, hulls[i])):
                 self._take(part, self.most)
+
+    def _take_convex(self, part: NDArray[np.intp], hull: Any) -> None:
+        """Make a plane part of the ground that is convex a solid."""
+        self.done[part] = True
+        if not hull.area > SLIVER or hull.area <= 0.25 * _SLIT * hull.length:
+            return
+        self.solids.append(plane_solid(hull, self.triangles[part], int(self.surfaces[part[0]])))
+
+    def _take_rectangles(self, part: NDArray[np.intp], hull: Any) -> bool:
+        """Make a level part of the ground that a few rectangles make up boxes; return whether."""
+        if self.triangles.shape[2] > 3 or len(part) > 4 * _RECTANGLES:
+            return False
+        shape = shapely.union_all(shapely.polygons(self.triangles[part][:, :, :2]))
+        boxes = rectangles_of(shape, _RECTANGLES)
+        if len(boxes) < 2:
+            return False
+        surface, own = int(self.surfaces[part[0]]), self.triangles[part]
+        one = solid_over(self.ground, own, surface, self.tolerance(self.limits.height))
+        self.solids += [one] if one else [plane_solid(box, own, surface) for box in boxes]
+        self.done[part] = True
+        return True
 
     def take_hills(self, groups: Ints) -> None:
         """Make connected ground solids, where these are few."""
@@ -382,6 +417,12 @@ class _Cutting:
             else:
                 height = math.sqrt(too_low * best[0])
             limits.say(f"covering what is near walls within {metres(height)}")
+
+
+def _hull(triangles: Floats) -> Any:
+    """Return the convex hull of triangles seen from above."""
+    corners = triangles[:, :, :2].reshape(-1, 2)
+    return shapely.convex_hull(shapely.linestrings(np.concatenate([corners, corners[:1]])))
 
 
 def level_boxes(parts: StackParts, error: float) -> list[tuple[int, PlanRectangle]]:

@@ -305,6 +305,56 @@ def _single_solid(
     return None, none
 
 
+def solid_over(
+    ground: GroundTriangles, piece: Floats, surface: int, tolerance: Tolerance
+) -> Solid | None:
+    """Return the one solid that stands for a piece, as in `cover`; None if it takes several."""
+    return _single_solid(ground, piece, surface, tolerance)[0]
+
+
+def plane_solid(shape: Any, triangles: Floats, surface: int) -> Solid:
+    """Return the solid of a convex polygon in the plane of triangles, (n, 3, 3)."""
+    ring = shapely.get_coordinates(shape)[:-1]
+    if not shapely.is_ccw(shapely.get_exterior_ring(shape)):
+        ring = ring[::-1]
+    plane = _fit(_corners_of(triangles))
+    return Solid(np.column_stack([ring, plane.at(ring)]), True, surface)
+
+
+def rectangles_of(shape: Any, most: int) -> list[Any]:
+    """Return rectangles along the axes that make up a shape; none if that takes more, or others.
+
+    Args:
+        shape: polygon.
+        most: most rectangles.
+    """
+    if shape.geom_type != "Polygon":
+        return []
+    edges = np.concatenate(list(_edges(shape)))
+    if (np.abs(edges[:, 0] - edges[:, 1]).min(axis=1) > _SNAP).any():
+        return []
+    x, y = (np.unique(edges[:, :, axis]) for axis in (0, 1))
+    if len(x) * len(y) > most**2:
+        return []
+    at = np.meshgrid(0.5 * (x[1:] + x[:-1]), 0.5 * (y[1:] + y[:-1]))
+    within = shapely.contains_xy(shape, *at)
+    within &= (np.diff(x)[None, :] > _NARROW) & (np.diff(y)[:, None] > _NARROW)
+    found: list[list[int]] = []  # first and last column, first and last row
+    growing: dict[tuple[int, int], list[int]] = {}
+    for row, own in enumerate(within):
+        step = np.diff(np.concatenate([[0], own.astype(np.int8), [0]]))
+        runs = zip(np.flatnonzero(step > 0).tolist(), np.flatnonzero(step < 0).tolist(), strict=True)
+        last, growing = growing, {}
+        for run in runs:
+            one = last.get(run)
+            if one is None:
+                found.append(one := [*run, row, row])
+            one[3], growing[run] = row + 1, one
+    if len(found) > most:
+        return []
+    return [shapely.box(x[a], y[c], x[b], y[d]) for a, b, c, d in found]
+
+
 def _is_convex(piece: Floats, corners: Floats, height: float) -> bool:
     """Whether triangles are the roof of a convex solid, and over a gap the underside of one, too.
 
