@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import heapq
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from terratool.definition.findings import Bounds
 from terratool.field.bounds import curve_hulls, curve_pieces, nonzero_edges, with_holes
@@ -165,7 +164,7 @@ def smooth_areas(sampler: GroundSampler, walls: Walls, max_error: float) -> list
     found = _element_areas(sampler, walls, 2.0 * smallest, plane)
     number = len(found)
     walls = Walls(walls.lines, np.concatenate([walls.blocks, np.array(found).reshape(-1, 4)]))
-    held = shapely.box(*np.array(found).reshape(-1, 4).T)
+    held = np.array(found).reshape(-1, 4)
     queue: list[tuple[float, int, Bounds, Walls]] = [(0.0, 0, whole, walls)]
     for looked in range(1, _MOST):
         if not queue:
@@ -173,8 +172,7 @@ def smooth_areas(sampler: GroundSampler, walls: Walls, max_error: float) -> list
         _, _, bounds, around = heapq.heappop(queue)
         inside = _inside(around, bounds, near)
         curved = _curved(sampler, bounds, plane)
-        if number:
-            curved &= ~shapely.contains(held[:, None, None], _middles(bounds, curved.shape)).any(0)
+        _drop(curved, bounds, held)
         if np.count_nonzero(curved) <= _SOME * curved.size:
             continue
         size = max(bounds[2] - bounds[0], bounds[3] - bounds[1])
@@ -198,14 +196,18 @@ def smooth_areas(sampler: GroundSampler, walls: Walls, max_error: float) -> list
     return found[:number] + _merged(found[number:], walls, near)
 
 
-def _middles(bounds: Bounds, shape: tuple[int, ...]) -> NDArray[Any]:
-    """Return the middles of rows and columns of cells of a rectangle as points, (n, m)."""
+def _drop(cells: Bools, bounds: Bounds, rectangles: Floats) -> None:
+    """Drop the cells of a rectangle whose middles lie in others, (k, 4)."""
     west, south, east, north = bounds
     y, x = (
         low + (high - low) * (np.arange(count) + 0.5) / count
-        for low, high, count in ((south, north, shape[0]), (west, east, shape[1]))
+        for low, high, count in ((south, north, len(cells)), (west, east, cells.shape[1]))
     )
-    return np.asarray(shapely.points(*np.meshgrid(x, y)))
+    here = (rectangles[:, :2] < (east, north)).all(axis=1)
+    here &= (rectangles[:, 2:] > (west, south)).all(axis=1)
+    for left, bottom, right, top in rectangles[here].tolist():
+        rows, columns = np.searchsorted(y, (bottom, top)), np.searchsorted(x, (left, right))
+        cells[rows[0] : rows[1], columns[0] : columns[1]] = False
 
 
 def _element_areas(

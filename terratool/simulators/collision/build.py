@@ -6,6 +6,7 @@ What stands over gaps is covered before, by solids alone.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -39,8 +40,7 @@ from terratool.simulators.collision.solids import (
     cover,
     plan_rectangle,
     plane_solid,
-    rectangles_of,
-    solid_over,
+    rectangles_under,
 )
 
 _VALLEY = 0.3
@@ -63,8 +63,9 @@ _FULL = 1e-9
 """Share by which the hull of a convex part may be larger than it."""
 _SLIT = 2e-5
 """Least width of a convex part of the ground that counts, units of the terrain."""
-_RECTANGLES = 24
-"""Most rectangles that a level part becomes without a search for fewer."""
+_RECTANGLES, _MANY = 4, 500
+"""Most rectangles that a level part becomes without a search for fewer, and triangles from which
+any number will do."""
 _SHARE = 0.5
 """Share of all solids and height fields that plane and hilly ground may take."""
 _FIELDS = 1 / 3
@@ -89,10 +90,6 @@ _SPARE = 1.25
 """Solids that ground at walls may take for each of its parts."""
 _GROW = 2.0
 """Factor by which the error of solids grows while they are too many."""
-_CLOSE = 1.25
-"""Ratio of a sufficient error to an insufficient one below which the search ends."""
-_ENOUGH = 0.8
-"""Share of the allowed solids above which the search for a smaller error ends."""
 
 
 class Collision(NamedTuple):
@@ -143,6 +140,7 @@ class CollisionRequest(NamedTuple):
         say: function that is called with a phrase at each step.
         parts: parts of a terrain with storeys, of which the mesh is the ground; None for others.
         holes: world rectangles that the mesh leaves out, as others cover them.
+        until: time of the monotonic clock at which all but the coarsest is given up.
     """
 
     terrain: Terrain
@@ -153,6 +151,7 @@ class CollisionRequest(NamedTuple):
     say: Callable[[str], object] = lambda _: None
     parts: StackParts | None = None
     holes: Sequence[Bounds] = ()
+    until: float = math.inf
 
 
 def collision_of(request: CollisionRequest) -> Collision:
@@ -162,7 +161,7 @@ def collision_of(request: CollisionRequest) -> Collision:
     at upper edges of walls, creases and the void, which becomes solids, too. If solids are too
     many, they may be farther from the ground. Where that spoils the ground, there are more.
     """
-    terrain, built, max_error, seam, most, say, parts, _ = request
+    terrain, built, max_error, seam, most, say, parts, _, until = request
     height = max(max_error - built.error, _LEAST * max_error)
     levels = built.mesh.vertices[:, 2]
     west, south, east, north = terrain.bounds
@@ -171,7 +170,7 @@ def collision_of(request: CollisionRequest) -> Collision:
         levels = np.concatenate([levels, parts.over[:, :, 2:].ravel()])
     spoilt = max(_SPOILT * float(np.ptp(levels)), 2.0 * max_error)
     rim = min(_RIM_OF_SEAM * seam, _RIM_OF_SIDE * longest)
-    limits = _Limits(height, spoilt, seam, rim, _PLAIN * (longest / CELLS) ** 2, say)
+    limits = _Limits(height, spoilt, seam, rim, _PLAIN * (longest / CELLS) ** 2, say, until)
     over: tuple[float, list[Solid]] = (height, [])
     if parts is not None and len(parts.over):
         over = _cover_over_gaps(parts, int(_SHARE * most), limits)
@@ -193,6 +192,7 @@ class _Limits(NamedTuple):
         rim: largest reach of a solid over the void.
         area: least area of a plane slope that becomes solids before all that is curved.
         say: function that is called with a phrase at each step.
+        until: time of the monotonic clock at which all but the coarsest is given up.
     """
 
     height: float
@@ -201,6 +201,11 @@ class _Limits(NamedTuple):
     rim: float
     area: float
     say: Callable[[str], object]
+    until: float = math.inf
+
+    def is_late(self) -> bool:
+        """Whether what takes long is given up."""
+        return time.monotonic() > self.until
 
 
 @dataclass(frozen=True)
@@ -215,6 +220,7 @@ class _Task:
         ends: (k, 2, 2) float64 edges that no height field may cross, whatever that costs.
         extent: west, south, east, north of the ground.
         limits: limits of solids.
+        patched: whether height fields may stand for some of it.
     """
 
     around: Surroundings
@@ -224,6 +230,7 @@ class _Task:
     ends: Floats
     extent: Bounds
     limits: _Limits
+    patched: bool
 
     def cover_ground(self, most: int) -> Collision:
         """Cover the ground by at most `most` geoms, or more where that would spoil it."""
@@ -233,12 +240,36 @@ class _Task:
         done = cutting.done
         limits.say("finding plane ground")
         cutting.take_planes(self.joints)
+        if self.patched and not done.all():
+            limits.say("finding hills and ramps")
+            cutting.take_hills(self.groups)
         if done.all():
             return Collision(cutting.solids, [], limits.height)
-        left = np.flatnonzero(~done)
-        room = max(most - len(cutting.solids), 1)
-        height, found = cutting.cover_rest(self.triangles[left], left, self.groups, room)
-        return Collision(cutting.solids + found, [], height, height > limits.height)
+        if not self.patched:
+            left = np.flatnonzero(~done)
+            room = max(most - len(cutting.solids), 1)
+            height, found = cutting.cover_rest(self.triangles[left], left, self.groups, room)
+            return Collision(cutting.solids + found, [], height, height > limits.height)
+        held = shapely.union_all(shapely.polygons(self.triangles[done][:, :, :2]))
+        held = held.buffer(_HAIR, join_style="mitre")
+        shapely.prepare(held)
+        around = replace(self.around, held=held)
+        # where there are too many parts at creases, height fields go on over creases
+        if self._count_left_at(around.sharp, done) > (1.0 - _FIELDS) * most - len(cutting.solids):
+            around = replace(around, sharp=self.ends)
+        limits.say("laying height fields")
+        laid = lay_patches(around, self.extent, int(_FIELDS * most), limits.spoilt)
+        index, pieces = rest_of([one.footing for one in laid], ground)
+        left = (index < len(done)) & ~done[np.minimum(index, len(done) - 1)]
+        index, pieces = index[left], pieces[left]
+        room = (
+            most - len(cutting.solids) - sum(len(one.footing.patch.used_surfaces) for one in laid)
+        )
+        height, found = cutting.cover_rest(pieces, index, self.groups, max(room, 1))
+        solids = cutting.solids + found
+        laid = spread(laid, most - len(solids))
+        patches = [one.footing.patch for one in laid if one.footing.patch.used.any()]
+        return Collision(solids, patches, height, height > limits.height)
 
     def _count_left_at(self, edges: Floats, done: Bools) -> int:
         """Return the number of parts of the ground without a solid that touch edges, (n, 2, 2)."""
@@ -272,7 +303,8 @@ def _task_of(request: CollisionRequest, limits: _Limits) -> _Task:
         terrain, mesh.origin[:2], walls, ground.sharp, shapely.Polygon(), ground, max_error
     )
     groups = components(joints.pairs[joints.smooth], len(faces))
-    return _Task(around, triangles, joints, groups, ends, extent, limits)
+    patched = not request.holes
+    return _Task(around, triangles, joints, groups, ends, extent, limits, patched)
 
 
 @dataclass
@@ -336,7 +368,7 @@ class _Cutting:
                 plane = sizes[i] >= area and (len(part) > 2 or not bent[part].any())
             if plane and convex[i] and triangles.shape[2] == 3:
                 self._take_convex(part, hulls[i])
-            elif plane and not (level[part[0]] and self._take_rectangles(part, hulls[i])):
+            elif plane and not (level[part[0]] and self._take_rectangles(part)):
                 self._take(part, self.most)
 
     def _take_convex(self, part: NDArray[np.intp], hull: Any) -> None:
@@ -344,25 +376,26 @@ class _Cutting:
         self.done[part] = True
         if not hull.area > SLIVER or hull.area <= 0.25 * _SLIT * hull.length:
             return
-        self.solids.append(plane_solid(hull, self.triangles[part], int(self.surfaces[part[0]])))
+        self.solids.append(plane_solid(hull, self.triangles[part[0]], int(self.surfaces[part[0]])))
 
-    def _take_rectangles(self, part: NDArray[np.intp], hull: Any) -> bool:
-        """Make a level part of the ground that a few rectangles make up boxes; return whether."""
-        if self.triangles.shape[2] > 3 or len(part) > 4 * _RECTANGLES:
+    def _take_rectangles(self, part: NDArray[np.intp]) -> bool:
+        """Make a level part of the ground boxes, if its edges lie along the axes; return whether."""
+        if self.triangles.shape[2] > 3:
             return False
-        shape = shapely.union_all(shapely.polygons(self.triangles[part][:, :, :2]))
-        boxes = rectangles_of(shape, _RECTANGLES)
-        if len(boxes) < 2:
-            return False
-        surface, own = int(self.surfaces[part[0]]), self.triangles[part]
-        one = solid_over(self.ground, own, surface, self.tolerance(self.limits.height))
-        self.solids += [one] if one else [plane_solid(box, own, surface) for box in boxes]
+        own, surface = self.triangles[part], int(self.surfaces[part[0]])
+        shape = shapely.coverage_union_all(shapely.polygons(own[:, :, :2]))
+        boxes = rectangles_under(self.ground, shape, float(own[0, 0, 2]), surface, self.limits.height)
+        if not boxes or (len(boxes) > _RECTANGLES and len(part) < _MANY):
+            return False  # a search may find fewer
+        self.solids += [plane_solid(box, own[0], surface) for box in boxes]
         self.done[part] = True
         return True
 
     def take_hills(self, groups: Ints) -> None:
         """Make connected ground solids, where these are few."""
         for part in _indices_by_label(groups):
+            if self.limits.is_late():
+                return
             if len(part) <= _GROUP and not self.done[part].all():
                 self._take(part, 1 + len(part) // _LEAN)
 
@@ -391,31 +424,23 @@ class _Cutting:
         limits = self.limits
         labels, surfaces = groups[index], self.surfaces[index]
         area, fewest = float(areas_of(pieces).sum()), len(np.unique(labels))
-        height, too_low, spoiling = limits.height, 0.0, False
+        height = limits.height
         if fewest > room:
             limits.say(f"covering {count_of(fewest, 'part')} of the ground at walls")
         room = max(room, math.ceil(_SPARE * fewest))
-        best: tuple[float, list[Solid]] | None = None
         while True:
-            budget = Budget(room, area)
+            budget = Budget(room, area, until=limits.until)
             found = self.cover_all(pieces, labels, surfaces, height, budget)
             if not budget.is_spent:
-                best = height, found
+                return height, found
+            if limits.is_late():  # the error that spoils it takes the fewest, whatever that takes
+                height = limits.spoilt
+                limits = limits._replace(until=math.inf)
+                room = len(pieces) + 1
             elif height >= limits.spoilt:
-                room, spoiling = 2 * room, True
+                room = 2 * room
             else:
-                too_low = height
-            if best is None:
                 height = min(_GROW * height, limits.spoilt)
-            elif (
-                spoiling
-                or not too_low
-                or too_low * _CLOSE >= best[0]
-                or len(best[1]) >= _ENOUGH * room
-            ):
-                return best
-            else:
-                height = math.sqrt(too_low * best[0])
             limits.say(f"covering what is near walls within {metres(height)}")
 
 

@@ -30,7 +30,7 @@ _NODES = 4_000_000
 _WALKED = 0.05
 """Side of the cells of ground that is rough all over, units of the terrain: each cell beneath a body
 takes time at each step, and no finer ones help where none of them is right."""
-_FINEST = 2.0, 10.0
+_FINEST = 2.0, 5.0
 """Least side of a cell, in errors: at any rate, and where that is less than half of `_WALKED`."""
 _ROUGH = 0.5
 """Share of cells too far off above which ground is rough all over."""

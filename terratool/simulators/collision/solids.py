@@ -6,6 +6,7 @@ A piece has corners x, y, z of triangles of the ground, or x, y, top, bottom of 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -62,6 +63,8 @@ _FIRST_SOLIDS = 8
 """Number of solids that a region may have beyond its share, as its first ones tell little."""
 _STEEP = 0.7
 """Cosine of a plane's slope below which its edges are lowered to the ground's."""
+_CORNERS = 512
+"""Most corners of level ground, about, that rectangles along the axes are sought for."""
 _MOST = 20_000
 """Most triangles of a piece that becomes one solid with a convex roof."""
 _LARGE = 2_048
@@ -173,16 +176,20 @@ class Budget:
         area: area of the ground, seen from above.
         done: area of the ground that is covered.
         count: number of solids so far.
+        until: time of the monotonic clock at which it is spent.
     """
 
     most: int
     area: float
     done: float = 0.0
     count: int = 0
+    until: float = math.inf
 
     @property
     def is_spent(self) -> bool:
         """Whether there are too many solids, or will be by far."""
+        if time.monotonic() > self.until:
+            return True
         share = _FIRST_SHARE + _FAR * self.done / max(self.area, self.done, SLIVER)
         return self.count > min(share * self.most + _FIRST_SOLIDS, self.most)
 
@@ -305,54 +312,71 @@ def _single_solid(
     return None, none
 
 
-def solid_over(
-    ground: GroundTriangles, piece: Floats, surface: int, tolerance: Tolerance
-) -> Solid | None:
-    """Return the one solid that stands for a piece, as in `cover`; None if it takes several."""
-    return _single_solid(ground, piece, surface, tolerance)[0]
-
-
-def plane_solid(shape: Any, triangles: Floats, surface: int) -> Solid:
-    """Return the solid of a convex polygon in the plane of triangles, (n, 3, 3)."""
+def plane_solid(shape: Any, triangle: Floats, surface: int) -> Solid:
+    """Return the solid of a convex polygon in the plane of a triangle, (3, 3)."""
     ring = shapely.get_coordinates(shape)[:-1]
     if not shapely.is_ccw(shapely.get_exterior_ring(shape)):
         ring = ring[::-1]
-    plane = _fit(_corners_of(triangles))
+    plane = _fit(triangle)
     return Solid(np.column_stack([ring, plane.at(ring)]), True, surface)
 
 
-def rectangles_of(shape: Any, most: int) -> list[Any]:
-    """Return rectangles along the axes that make up a shape; none if that takes more, or others.
+def rectangles_under(
+    ground: GroundTriangles, shape: Any, top: float, surface: int, height: float
+) -> list[Any]:
+    """Return rectangles along the axes that cover level ground, and reach under higher ground.
+
+    None are returned where other edges than such along the axes bound them.
 
     Args:
-        shape: polygon.
-        most: most rectangles.
+        ground: all of the ground.
+        shape: polygon of the level ground seen from above.
+        top: height of the level ground.
+        surface: surface of the level ground.
+        height: largest height over lower ground.
     """
     if shape.geom_type != "Polygon":
         return []
-    edges = np.concatenate(list(_edges(shape)))
-    if (np.abs(edges[:, 0] - edges[:, 1]).min(axis=1) > _SNAP).any():
+    whole = shapely.polygons(shapely.get_exterior_ring(shape))
+    if len(shapely.get_coordinates(whole)) > _CORNERS or not _is_straight(whole):
         return []
-    x, y = (np.unique(edges[:, :, axis]) for axis in (0, 1))
-    if len(x) * len(y) > most**2:
+    near = np.sort(ground.tree.query(whole, predicate="intersects"))
+    found, worn = ground.triangles[near], ground.surfaces[near]
+    low = found[:, :, 2].min(axis=1)
+    bars = (low < top - height) | (worn <= VOID) | ((worn != surface) & (low < top + _SNAP))
+    barred = shapely.union_all(ground.tree.geometries[near[bars]])
+    free = shapely.difference(whole, barred)
+    pieces = [part for part in shapely.get_parts(free) if part.geom_type == "Polygon"]
+    if not all(_is_straight(part) for part in pieces):
         return []
-    at = np.meshgrid(0.5 * (x[1:] + x[:-1]), 0.5 * (y[1:] + y[:-1]))
-    within = shapely.contains_xy(shape, *at)
+    corners = np.concatenate([shapely.get_coordinates(part) for part in pieces])
+    x, y = (np.unique(corners[:, axis]) for axis in (0, 1))
+    if len(x) * len(y) > _CORNERS**2:
+        return []
+    shapely.prepare(free)
+    within = shapely.contains_xy(free, *np.meshgrid(0.5 * (x[1:] + x[:-1]), 0.5 * (y[1:] + y[:-1])))
     within &= (np.diff(x)[None, :] > _NARROW) & (np.diff(y)[:, None] > _NARROW)
-    found: list[list[int]] = []  # first and last column, first and last row
+    runs: list[list[int]] = []  # first and last column, first and last row
     growing: dict[tuple[int, int], list[int]] = {}
     for row, own in enumerate(within):
         step = np.diff(np.concatenate([[0], own.astype(np.int8), [0]]))
-        runs = zip(np.flatnonzero(step > 0).tolist(), np.flatnonzero(step < 0).tolist(), strict=True)
         last, growing = growing, {}
-        for run in runs:
+        for run in zip(
+            np.flatnonzero(step > 0).tolist(), np.flatnonzero(step < 0).tolist(), strict=True
+        ):
             one = last.get(run)
             if one is None:
-                found.append(one := [*run, row, row])
+                runs.append(one := [*run, row, row])
             one[3], growing[run] = row + 1, one
-    if len(found) > most:
-        return []
-    return [shapely.box(x[a], y[c], x[b], y[d]) for a, b, c, d in found]
+    boxes = shapely.box(*(np.array([[x[a], y[c], x[b], y[d]] for a, b, c, d in runs]).T))
+    shapely.prepare(shape)
+    return list(boxes[shapely.intersects(shape, shapely.buffer(boxes, -_NARROW))])
+
+
+def _is_straight(shape: Any) -> bool:
+    """Whether all edges of a polygon lie along the axes."""
+    edges = np.concatenate(list(_edges(shape)))
+    return bool((np.abs(edges[:, 0] - edges[:, 1]).min(axis=1) <= _SNAP).all())
 
 
 def _is_convex(piece: Floats, corners: Floats, height: float) -> bool:
