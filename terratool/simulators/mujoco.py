@@ -92,7 +92,7 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
     else:
         smooth = _smooth_of(scene)
         own = scene if smooth is None else _beside(scene, smooth)
-        if smooth is None or not smooth.is_all:
+        if not own.holes or not smooth.is_all:
             _add_visuals(own, folder, asset, body)
         told = _CollisionGeoms(own, folder, asset, body).add(smooth)
     write_xml(root, folder / _FILE)
@@ -120,7 +120,7 @@ def _smooth_of(scene: Scene) -> SmoothGround | None:
         scene.say("laying height fields")
         patches = height_fields_of(terrain, options.max_error, options.max_geoms)
         return SmoothGround(terrain, [terrain.bounds], [], patches)
-    if options.collision == "convex" or terrain.storeys is not None:
+    if options.collision == "convex":
         return None
     scene.say("laying height fields where nothing stands upright")
     found = smooth_ground(terrain, options.max_error, options.max_geoms)
@@ -128,7 +128,12 @@ def _smooth_of(scene: Scene) -> SmoothGround | None:
 
 
 def _beside(scene: Scene, smooth: SmoothGround) -> Scene:
-    """Return the scene of the ground beside what height fields and domes stand for."""
+    """Return the scene of the ground beside what height fields and domes stand for.
+
+    Where there are storeys, the mesh of all of it is seen.
+    """
+    if scene.terrain.storeys is not None:
+        return scene
     worn = {surface for patch in smooth.patches for surface in patch.used_surfaces}
     worn |= {solid.surface for solid in smooth.solids}
     return replace(
@@ -208,7 +213,7 @@ class _CollisionGeoms:
             smooth: ground that is both seen and collided with, beside the scene; None for none.
         """
         options, scene = self._scene.options, self._scene
-        if smooth is not None and smooth.is_all:
+        if smooth is not None and scene.holes and smooth.is_all:
             return self._add_smooth(smooth)
         own, error = self._errors()
         parts = scene.parts_within(own)
@@ -222,8 +227,9 @@ class _CollisionGeoms:
         if smooth is not None:
             most = max(1, most - len(smooth.solids) - len(smooth.patches))
         request = CollisionRequest(
-            scene.terrain, built, error, seam, most, scene.say, parts, scene.holes
-        )
+            scene.terrain, built, error, seam, most, scene.say, parts,
+            () if smooth is None else smooth.areas, options.max_seconds,
+        )  # fmt: skip
         found = collision_of(request)
         levels = (built if len(built.mesh.faces) else scene.built_mesh).mesh.vertices[:, 2]
         self._add_all(found, float(levels.min()), float(levels.max()), smooth)
@@ -271,11 +277,12 @@ class _CollisionGeoms:
         self._base = low - max(_BELOW, _PART * (high - low))
         self._sunk = low - SINK * max(high - low, _BELOW)
         for part in (found, seen):
+            shown = part is seen and bool(self._scene.holes)
             for solid in part.solids:
-                self._add_solid(solid, part is seen)
+                self._add_solid(solid, shown)
             for patch in part.patches:
                 for surface in patch.used_surfaces:
-                    self._add_patch(patch, surface, part is seen)
+                    self._add_patch(patch, surface, shown)
 
     def add_grid(self, patch: HeightPatch) -> _Told:
         """Add a height field for each surface of a grid, which is seen and collides.

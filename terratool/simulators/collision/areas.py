@@ -56,9 +56,10 @@ def walls_of(terrain: Terrain, least: float) -> Walls:
     """Return where the ground of a terrain may jump; its outer edges are no walls.
 
     Args:
-        terrain: terrain with all parts written out, without storeys.
+        terrain: terrain with all parts written out; where its storeys are, walls may be anywhere.
         least: least height of a wall.
     """
+    storeys, terrain = terrain.storeys, terrain.ground_alone
     arrays = terrain.arrays
     elements, kinds = arrays.elements, arrays.kinds
     cells, footprints = terrain.cells().T, terrain.footprints().T
@@ -88,6 +89,8 @@ def walls_of(terrain: Terrain, least: float) -> Walls:
     found = np.concatenate(lines)
     found = found[_are_walls(terrain, found, least)][:, 1:]
     blocks = [footprints[whole]]
+    if storeys is not None:
+        blocks += [sheet.top.footprints().T[sheet.storeys >= 0] for sheet in storeys.sheets]
     tracks = arrays.tracks.segments
     if terrain.tracks:
         x = np.stack([tracks["x"], tracks["end_x"]])

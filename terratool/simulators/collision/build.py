@@ -37,6 +37,7 @@ from terratool.simulators.collision.solids import (
     Solid,
     Tolerance,
     areas_of,
+    clip,
     cover,
     plan_rectangle,
     plane_solid,
@@ -84,6 +85,8 @@ _DEEP = -1e6
 """Height of the triangles of the void, units of the terrain; the sky is as high."""
 _ALIKE = 6
 """Decimals of heights of corners over gaps that are one."""
+_LATE = 0.25
+"""Share of the time for the search that each further error may take when it is over."""
 _LEAST = 0.1
 """Least share of the error that is left to solids, whatever the mesh takes of it."""
 _SPARE = 1.25
@@ -140,7 +143,7 @@ class CollisionRequest(NamedTuple):
         say: function that is called with a phrase at each step.
         parts: parts of a terrain with storeys, of which the mesh is the ground; None for others.
         holes: world rectangles that the mesh leaves out, as others cover them.
-        until: time of the monotonic clock at which all but the coarsest is given up.
+        seconds: time that the search for solids may take.
     """
 
     terrain: Terrain
@@ -151,7 +154,7 @@ class CollisionRequest(NamedTuple):
     say: Callable[[str], object] = lambda _: None
     parts: StackParts | None = None
     holes: Sequence[Bounds] = ()
-    until: float = math.inf
+    seconds: float = math.inf
 
 
 def collision_of(request: CollisionRequest) -> Collision:
@@ -161,7 +164,7 @@ def collision_of(request: CollisionRequest) -> Collision:
     at upper edges of walls, creases and the void, which becomes solids, too. If solids are too
     many, they may be farther from the ground. Where that spoils the ground, there are more.
     """
-    terrain, built, max_error, seam, most, say, parts, _, until = request
+    terrain, built, max_error, seam, most, say, parts, _, seconds = request
     height = max(max_error - built.error, _LEAST * max_error)
     levels = built.mesh.vertices[:, 2]
     west, south, east, north = terrain.bounds
@@ -170,7 +173,7 @@ def collision_of(request: CollisionRequest) -> Collision:
         levels = np.concatenate([levels, parts.over[:, :, 2:].ravel()])
     spoilt = max(_SPOILT * float(np.ptp(levels)), 2.0 * max_error)
     rim = min(_RIM_OF_SEAM * seam, _RIM_OF_SIDE * longest)
-    limits = _Limits(height, spoilt, seam, rim, _PLAIN * (longest / CELLS) ** 2, say, until)
+    limits = _Limits(height, spoilt, seam, rim, _PLAIN * (longest / CELLS) ** 2, say, seconds, time.monotonic() + seconds)
     over: tuple[float, list[Solid]] = (height, [])
     if parts is not None and len(parts.over):
         over = _cover_over_gaps(parts, int(_SHARE * most), limits)
@@ -192,7 +195,8 @@ class _Limits(NamedTuple):
         rim: largest reach of a solid over the void.
         area: least area of a plane slope that becomes solids before all that is curved.
         say: function that is called with a phrase at each step.
-        until: time of the monotonic clock at which all but the coarsest is given up.
+        seconds: time that the search for solids may take.
+        until: time of the monotonic clock at which the search for better solids is given up.
     """
 
     height: float
@@ -201,6 +205,7 @@ class _Limits(NamedTuple):
     rim: float
     area: float
     say: Callable[[str], object]
+    seconds: float = math.inf
     until: float = math.inf
 
     def is_late(self) -> bool:
@@ -285,9 +290,11 @@ def _task_of(request: CollisionRequest, limits: _Limits) -> _Task:
     extent = 0.0, 0.0, east - west, north - south
     faces = mesh.faces[~mesh.walls]
     triangles, surfaces = mesh.vertices[faces], mesh.surfaces[~mesh.walls]
+    held = np.array(request.holes).reshape(-1, 4) - np.tile(mesh.origin[:2], 2)
+    if request.parts is not None and len(held):  # whose mesh has no holes
+        triangles, surfaces, faces = _outside(triangles, surfaces, held)
     joints = _joints(triangles, surfaces, faces)
     rims, walls = _rims(mesh, extent), _wall_ends(mesh)
-    held = np.array(request.holes).reshape(-1, 4) - np.tile(mesh.origin[:2], 2)
     rims = rims[~_on_edges(rims, held, _BORDER * max(extent))]
     void = _void(terrain, mesh, rims, extent)
     others = _halves_of(held)
@@ -302,7 +309,7 @@ def _task_of(request: CollisionRequest, limits: _Limits) -> _Task:
     around = Surroundings(
         terrain, mesh.origin[:2], walls, ground.sharp, shapely.Polygon(), ground, max_error
     )
-    groups = components(joints.pairs[joints.smooth], len(faces))
+    groups = components(joints.pairs[joints.smooth], len(triangles))
     patched = not request.holes
     return _Task(around, triangles, joints, groups, ends, extent, limits, patched)
 
@@ -433,10 +440,11 @@ class _Cutting:
             found = self.cover_all(pieces, labels, surfaces, height, budget)
             if not budget.is_spent:
                 return height, found
-            if limits.is_late():  # the error that spoils it takes the fewest, whatever that takes
-                height = limits.spoilt
-                limits = limits._replace(until=math.inf)
-                room = len(pieces) + 1
+            if limits.is_late():
+                height = min(_GROW**2 * height, limits.spoilt)
+                # the error that spoils it takes the fewest, whatever time that takes
+                late = time.monotonic() + _LATE * limits.seconds
+                limits = limits._replace(until=late if height < limits.spoilt else math.inf)
             elif height >= limits.spoilt:
                 room = 2 * room
             else:
@@ -580,6 +588,24 @@ def _halves_of(rectangles: Floats) -> Floats:
     corners = rectangles[:, [[0, 1], [2, 1], [2, 3], [0, 3]]]
     flat = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
     return np.concatenate([flat, np.full((*flat.shape[:2], 1), _DEEP)], axis=2)
+
+
+def _outside(triangles: Floats, surfaces: Ints, rectangles: Floats) -> tuple[Floats, Ints, Ints]:
+    """Return triangles without what is in rectangles, their surfaces, and indices of corners."""
+    left = np.concatenate([triangles, np.repeat(surfaces[:, None, None], 3, axis=1)], axis=2)
+    for west, south, east, north in rectangles.tolist():
+        low, high = left[:, :, :2].min(axis=1), left[:, :, :2].max(axis=1)
+        near = ((low < (east, north)) & (high > (west, south))).all(axis=1)
+        within, kept = left[near], [left[~near]]
+        for axis, at, sign in ((0, west, 1.0), (0, east, -1.0), (1, south, 1.0), (1, north, -1.0)):
+            within, beyond = clip(within, sign * (within[:, :, axis] - at), _BORDER)
+            kept.append(beyond)
+        left = np.concatenate(kept)
+    left = left[areas_of(left) > SLIVER]
+    corners = left[:, :, :3].reshape(-1, 3).round(_ALIKE)
+    faces = np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1, 3).astype(np.int32)
+    whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    return left[whole, :, :3], left[whole, 0, 3].round().astype(np.int32), faces[whole]
 
 
 def _on_edges(ends: Floats, rectangles: Floats, near: float) -> Bools:

@@ -52,12 +52,14 @@ def smooth_ground(terrain: Terrain, max_error: float, most: int) -> SmoothGround
     """Lay height fields over all curved ground on which nothing stands upright.
 
     Args:
-        terrain: terrain with all parts written out, without storeys.
+        terrain: terrain with all parts written out; storeys are left to others.
         max_error: largest distance from the terrain.
         most: most geoms of all.
     """
     corner = np.array(terrain.bounds[:2])
-    terrain, domes = take_domes(terrain, max_error, int(_DOMES * most), corner)
+    domes: list[Solid] = []
+    if terrain.storeys is None:
+        terrain, domes = take_domes(terrain, max_error, int(_DOMES * most), corner)
     sampler = GroundSampler(terrain)
     areas = smooth_areas(sampler, walls_of(terrain, _STEP * max_error), max_error)
     laid = Lattices(sampler, max_error, max(1, int(_FIELDS * most))).lay(areas, corner)

@@ -503,11 +503,11 @@ def _obstructing_parts(
             continue
         over = above[which] - limit
         one = (over > 0.0).any(axis=1)
-        parts, _ = _clip(found[which][one], over[one], 1e-12)
+        parts, _ = clip(found[which][one], over[one], 1e-12)
         for under in planes[1:]:  # a gap that ends below the solid is not in its way
             steep = np.maximum(under.cosine, _cosines(parts[:, :, [0, 1, 3]]))[:, None]
             reach = steep * (parts[:, :, 3] - under.at(parts)) - (tolerance.height + _SNAP)
-            parts, _ = _clip(parts, reach, 1e-12)
+            parts, _ = clip(parts, reach, 1e-12)
         parts = parts[areas_of(parts) > SLIVER][:, :, :3]
         bad.append(parts[shapely.intersects(zone, shapely.polygons(parts[:, :, :2]))])
     return np.concatenate(bad) if bad else np.empty((0, 3, 3))
@@ -690,7 +690,7 @@ def _edges(shape: Any) -> Iterator[Floats]:
 
 def _cut(piece: Floats, normal: Floats, at: float) -> list[Floats]:
     """Cut a piece by a line, given by normal and place; return the sides with triangles."""
-    sides = _clip(piece, piece[:, :, :2] @ normal - at, _SNAP)
+    sides = clip(piece, piece[:, :, :2] @ normal - at, _SNAP)
     return [side for side in sides if len(side)]
 
 
@@ -710,7 +710,7 @@ def _fit(points: Floats) -> _Plane:
     return _Plane(a, b, c, 0.5 * (high - low) / math.sqrt(1.0 + a * a + b * b))
 
 
-def _clip(triangles: Floats, distance: Floats, snap: float) -> tuple[Floats, Floats]:
+def clip(triangles: Floats, distance: Floats, snap: float) -> tuple[Floats, Floats]:
     """Cut triangles where a linear function is 0; return the positive and the negative side.
 
     Args:
