@@ -40,6 +40,8 @@ _MANY = 1_500_000
 """Most faces of the seen mesh that solids are cut from; above, a coarser mesh is built."""
 _COARSEST = 0.02
 """Largest error that solids get from a coarser mesh, in parts of the relief."""
+_FACES_A_SECOND = 250
+"""Faces of the ground and of storeys, before they are cut, that are meshed and covered in a second."""
 _SEAM = 10.0
 """Largest reach of a solid into another surface of the same height, in errors."""
 _ROLLING = "0.005 0.0001"
@@ -78,12 +80,14 @@ _FLEXES = (
 
 def write(scene: Scene, folder: Path) -> WrittenFiles:
     """Write an MJCF, meshes to be seen, and height fields to collide with, into a folder."""
+    wanted = scene.options.max_error
+    scene = scene.storeys_within(_FACES_A_SECOND * scene.options.max_seconds)
     root = ET.Element("mujoco", model=scene.name)
     if scene.terrain.descr:
         comment(root, scene.terrain.descr)
     asset = child(root, "asset")
     body = child(child(root, "worldbody"), "body", name="terrain", pos=numbers(scene.offset))
-    own: Scene | None = None
+    own = scene
     if scene.options.flex:
         _add_visuals(scene, folder, asset, body)
         told = _add_flexes(scene, body)
@@ -96,6 +100,13 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
             _add_visuals(own, folder, asset, body)
         told = _CollisionGeoms(own, folder, asset, body).add(smooth)
     write_xml(root, folder / _FILE)
+    losses = told.losses
+    if scene.options.max_error > wanted:
+        coarse = metres(scene.options.max_error)
+        losses += (
+            f"Within {metres(wanted)}, decks and bores would take too long, so all is within"
+            f" {coarse}: --max-seconds N allows more.",
+        )
     return WrittenFiles(
         summary=told.summary,
         language="python",
@@ -105,7 +116,7 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
             "data = mujoco.MjData(model)",
         ),
         notes=(*_ATTACHED, told.note),
-        losses=told.losses,
+        losses=losses,
         facts={"collision": told.facts},
         meshed=told.frictions is None,
         frictions=told.frictions,
@@ -244,7 +255,7 @@ class _CollisionGeoms:
         return _Told(summary, _LAYERS, (losses,), self._facts(found, solids, seam))
 
     def _add_smooth(self, smooth: SmoothGround) -> _Told:
-        """Add height fields and domes that are all of the ground, and are seen, too.
+        """Add height fields and domes that are all of the ground.
 
         Raises:
             RequestError: there is no ground.
@@ -260,7 +271,7 @@ class _CollisionGeoms:
         losses = _loss_sentence(found, solids, options, solids, sum(counts.values()))
         worn = [scene.material(n) for n in sorted(scene.beside, key=lambda n: (n < 0, n))]
         facts = self._facts(found, solids, 0.0)
-        return _Told(summary, _FIELD, (losses,), facts, tuple(worn))
+        return _Told(summary, _LAYERS, (losses,), facts, tuple(worn))
 
     def _add_all(
         self, found: Collision, low: float, high: float, smooth: SmoothGround | None
@@ -277,12 +288,23 @@ class _CollisionGeoms:
         self._base = low - max(_BELOW, _PART * (high - low))
         self._sunk = low - SINK * max(high - low, _BELOW)
         for part in (found, seen):
-            shown = part is seen and bool(self._scene.holes)
+            begin = len(self._body)
             for solid in part.solids:
-                self._add_solid(solid, shown)
+                self._add_solid(solid)
             for patch in part.patches:
                 for surface in patch.used_surfaces:
-                    self._add_patch(patch, surface, shown)
+                    self._add_patch(patch, surface)
+            if part is seen and self._scene.holes:
+                self._show(begin)
+
+    def _show(self, begin: int) -> None:
+        """Add what is seen of the geoms from an index on; nothing collides with it."""
+        for geom in list(self._body)[begin:]:
+            own = dict(geom.attrib)
+            own.update(name=f"seen_{own['name']}", group="2", contype="0", conaffinity="0")
+            own["rgba"] = f"{own['rgba'].rsplit(' ', 1)[0]} 1"
+            del own["priority"], own["friction"]
+            child(self._body, "geom", **own)
 
     def add_grid(self, patch: HeightPatch) -> _Told:
         """Add a height field for each surface of a grid, which is seen and collides.
@@ -336,8 +358,8 @@ class _CollisionGeoms:
         self._counts[kind] += 1
         return f"collision_{kind}_{self._counts[kind] - 1}"
 
-    def _add_solid(self, solid: Solid, seen: bool = False) -> None:
-        contact = _contact(self._scene.material(solid.surface), seen)
+    def _add_solid(self, solid: Solid) -> None:
+        contact = _contact(self._scene.material(solid.surface))
         box = plan_rectangle(solid)
         if box is not None:
             half = 0.5 * (box.top - (self._base if box.under is None else box.under))
@@ -429,6 +451,8 @@ def _loss_sentence(
         parts.append(f"solids are up to {metres(solids)} off the terrain, square to it")
         if (found.raised or allowed > wanted) and geoms <= most:
             parts[0] += f", to keep to {count_of(most, 'geom')}: --max-geoms N allows more"
+        if found.late:
+            parts[0] += ", as the time was over: --max-seconds N allows more"
         if len({solid.surface for solid in found.solids}) > 1:
             parts.append(f"they reach up to {metres(_SEAM * wanted)} into other surfaces")
     parts += _field_parts(found, wanted, ", as measured")

@@ -144,6 +144,22 @@ class Scene:
         parts = build_parts(self.terrain, storeys, error)
         return parts._replace(ground=collapse_degenerate(parts.ground))
 
+    def storeys_within(self, faces: float) -> Scene:
+        """Return the scene with an error at which the meshes of storeys have so few faces, about.
+
+        Args:
+            faces: most faces of the ground and of all faces of storeys, before they are cut where
+                they meet.
+        """
+        storeys, error = self.terrain.storeys, self.options.max_error
+        if storeys is None:
+            return self
+        fields = [self.terrain.ground_alone, *(sheet.top for sheet in storeys.sheets)]
+        fields += [sheet.other_face(storeys.table.gaps) for sheet in storeys.sheets]
+        while sum(faces_of(plan_of(field, error)[0]) for field in fields) > faces:
+            error *= 2.0
+        return replace(self, options=replace(self.options, max_error=error))
+
     @cached_property
     def boxes(self) -> list[tuple[int, PlanRectangle]]:
         """Exact boxes of level decks, in the coordinates of the mesh, and their surfaces."""

@@ -85,7 +85,7 @@ _DEEP = -1e6
 """Height of the triangles of the void, units of the terrain; the sky is as high."""
 _ALIKE = 6
 """Decimals of heights of corners over gaps that are one."""
-_LATE = 0.25
+_LATE = 0.5
 """Share of the time for the search that each further error may take when it is over."""
 _LEAST = 0.1
 """Least share of the error that is left to solids, whatever the mesh takes of it."""
@@ -103,12 +103,14 @@ class Collision(NamedTuple):
         patches: height fields.
         height: largest distance of a solid's roof from the mesh, square to it.
         raised: whether `height` is more than was wanted, as the solids were too many.
+        late: whether the time for the search was over, so that `height` may be more still.
     """
 
     solids: list[Solid]
     patches: list[HeightPatch]
     height: float
     raised: bool = False
+    late: bool = False
 
     @property
     def worst(self) -> float:
@@ -182,7 +184,9 @@ def collision_of(request: CollisionRequest) -> Collision:
     task = _task_of(request, limits)
     found = task.cover_ground(max(most - len(over[1]), 1))
     height = max(found.height, over[0])
-    return Collision(found.solids + over[1], found.patches, height, height > limits.height)
+    raised = height > limits.height
+    solids = found.solids + over[1]
+    return Collision(solids, found.patches, height, raised, raised and limits.is_late())
 
 
 class _Limits(NamedTuple):
@@ -441,7 +445,7 @@ class _Cutting:
             if not budget.is_spent:
                 return height, found
             if limits.is_late():
-                height = min(_GROW**2 * height, limits.spoilt)
+                height = min(_GROW * height, limits.spoilt)
                 # the error that spoils it takes the fewest, whatever time that takes
                 late = time.monotonic() + _LATE * limits.seconds
                 limits = limits._replace(until=late if height < limits.spoilt else math.inf)
