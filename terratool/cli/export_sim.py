@@ -24,8 +24,10 @@ from terratool.cli.terminal import StatusLine, load
 from terratool.report.documents import Document
 from terratool.simulators.options import (
     ASSUMED_FRICTION,
+    COLLISIONS,
     DEFAULT_ERROR,
     MAX_GEOMS,
+    MAX_SECONDS,
     MAX_SLOPE,
     MAX_STEP,
     SceneOptions,
@@ -72,12 +74,27 @@ from terratool.simulators.targets import TARGETS, choose_targets
 @option_group(
     "mujoco, gazebo and usd",
     click.option(
+        "--collision",
+        type=click.Choice(COLLISIONS),
+        default="auto",
+        show_default=True,
+        help="mujoco: Height fields alone, solids where these are few, or what suits the ground.",
+    ),
+    click.option(
         "--max-geoms",
         type=int,
         default=MAX_GEOMS,
         show_default=True,
         metavar="N",
         help="mujoco: Most solids and height fields that collide; the error grows if need be.",
+    ),
+    click.option(
+        "--max-seconds",
+        type=float,
+        default=MAX_SECONDS,
+        show_default=True,
+        metavar="S",
+        help="mujoco: When to give up the search for better solids.",
     ),
     click.option(
         "--flex", is_flag=True, help="mujoco: Collide with the mesh itself, a rigid flex."

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
+import shapely
 from msgspec import UNSET
 from numpy.typing import NDArray
 
@@ -35,10 +37,14 @@ _ROUNDS = 8
 """Most rounds of refining triangles and splitting edges at which the higher side changes."""
 _BATCH = 2_000
 """Triangles that a kernel examines in one call, between which the user can interrupt."""
+_HOLE = np.iinfo(np.int64).min
+"""Key of triangles in rectangles that are left out."""
+_NO_HOLES = np.empty((0, 4), np.int64)
 GREY = 160, 160, 160
 """Colour (red, green, blue) of surfaces that have none."""
 
 Ints = NDArray[np.int32]
+KeysOf = Callable[[NDArray[np.int64], Ints], NDArray[np.int64]]
 
 
 def build(
@@ -47,6 +53,7 @@ def build(
     bounds: Bounds | None = None,
     least: float = 0.0,
     base: float | Literal["below"] | None = None,
+    holes: Sequence[Bounds] = (),
 ) -> BuiltMesh:
     """Mesh a terrain, with walls where its height jumps.
 
@@ -63,12 +70,13 @@ def build(
             leaves none out.
         base: height of the base, in units of the terrain; "below" for `base_below`; None for ground
             alone.
+        holes: world rectangles that are left out, as if they were void.
 
     Raises:
         ValueError: the error is not positive, or the bounds hold nothing of the terrain.
         RequestError: the base does not lie below all ground that is meshed.
     """
-    fine = fine_mesh(terrain, max_error, bounds, least)
+    fine = fine_mesh(terrain, max_error, bounds, least, holes)
     mesh, shell, moved = assemble(terrain, fine.plan, fine.parts, base)
     return BuiltMesh(mesh, shell, fine.error + moved, fine.loss)
 
@@ -90,14 +98,18 @@ class FineMesh(NamedTuple):
 
 
 def fine_mesh(
-    terrain: Terrain, max_error: float, bounds: Bounds | None = None, least: float = 0.0
+    terrain: Terrain,
+    max_error: float,
+    bounds: Bounds | None = None,
+    least: float = 0.0,
+    holes: Sequence[Bounds] = (),
 ) -> FineMesh:
     """Mesh a terrain without walls; see `build` for arguments and errors."""
     finer = 1.0
     for _ in range(_PLANS):
         plan, loss = plan_of(terrain, max_error, bounds, least, finer)
         segments = kernels.segments_of(plan.kernel_plan, np.flatnonzero(plan.frames["drawn"]))
-        coarse = coarse_mesh(plan, segments)
+        coarse = coarse_mesh(plan, segments, holes=_on_lattice(plan, holes))
         most = float(coarse.regions.polygon_errors.max(initial=0.0))
         if most <= _POLYGON_SHARE * max_error:
             break
@@ -110,6 +122,7 @@ def coarse_mesh(
     segments: NDArray[np.int64],
     boundary: TileBoundary = seams.NO_SEAMS,
     bounds: NDArray[np.int64] | None = None,
+    holes: NDArray[np.int64] = _NO_HOLES,
 ) -> RegionMesh:
     """Mesh the plane by triangles along segments; beside a seam they are as in the tile beyond.
 
@@ -118,10 +131,13 @@ def coarse_mesh(
         segments: (n, 4) int64 x, y, x, y of segments within the bounds, on the lattice.
         boundary: sides that the mesh shares with other tiles.
         bounds: (4,) west, south, east, north on the lattice; those of the plan if None.
+        holes: (k, 4) west, south, east, north of rectangles on the lattice that become void.
     """
     if bounds is None:
         bounds = plan.bounds.astype(np.int64)
     keys_of = partial(kernels.region_keys, plan.kernel_plan)
+    if len(holes):
+        segments, keys_of = _with_holes(segments, keys_of, holes)
     plane, keys = triangulate(segments, bounds, keys_of, boundary)
     ends = boundary.edges.reshape(-1, 2)
     first = 2 * np.arange(len(boundary.edges), dtype=np.int32)
@@ -131,13 +147,51 @@ def coarse_mesh(
     keys[triangle] = own
     points = np.concatenate([ends, plane.points])
     triangles = np.concatenate([along, plane.triangles + np.int32(len(ends))])
-    regions, region_of = regions_of(plan, points, triangles, np.concatenate([own, keys]))
+    keys = np.concatenate([own, keys])
+    regions, region_of = regions_of(plan, points, triangles, keys)
+    if len(holes):
+        regions.voids[region_of[keys == _HOLE]] = True
     region_of = region_of[len(along) :]
     heights = kernels.corner_heights(
         plan.kernel_plan, regions, plane.points, plane.triangles, region_of
     )
     seams.pin_heights(plane, boundary, triangle, corner, regions.voids[region_of], heights)
     return RegionMesh(plane, regions, region_of, heights)
+
+
+def _on_lattice(plan: MeshPlan, holes: Sequence[Bounds]) -> NDArray[np.int64]:
+    """Return world rectangles on the lattice of a plan, (n, 4)."""
+    if not holes:
+        return _NO_HOLES
+    return np.rint((np.array(holes) - np.tile(plan.origin, 2)) / plan.pitch).astype(np.int64)
+
+
+def _with_holes(
+    segments: NDArray[np.int64], keys_of: KeysOf, holes: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], KeysOf]:
+    """Return segments with the edges of rectangles and none inside, and keys that tell them apart.
+
+    Args:
+        segments: (n, 4) int64 x, y, x, y of segments on the lattice.
+        keys_of: function of points and triangles that returns keys of triangles.
+        holes: (k, 4) int64 west, south, east, north of rectangles on the lattice.
+    """
+    low, high = segments.reshape(-1, 2, 2).min(axis=1), segments.reshape(-1, 2, 2).max(axis=1)
+    tree = shapely.STRtree(shapely.box(*holes.T))
+    first, which = tree.query(shapely.points(0.5 * (low + high)), predicate="within")
+    inside = (low[first] >= holes[which, :2]) & (high[first] <= holes[which, 2:])
+    kept = np.ones(len(segments), np.bool_)
+    kept[first[inside.all(axis=1)]] = False
+    corners = holes[:, [0, 1, 2, 1, 2, 3, 0, 3]].reshape(-1, 4, 2)
+    edges = np.concatenate([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 4)
+
+    def keys_with_holes(points: NDArray[np.int64], triangles: Ints) -> NDArray[np.int64]:
+        keys = keys_of(points, triangles).copy()
+        middles = shapely.points(points[triangles].mean(axis=1))
+        keys[tree.query(middles, predicate="within")[0]] = _HOLE
+        return keys
+
+    return np.concatenate([segments[kept], edges]), keys_with_holes
 
 
 def finish(

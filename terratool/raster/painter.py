@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -167,22 +169,41 @@ class Painter:
             self._check(window, planes)
         x = self._grid.columns(window)
         y = np.ascontiguousarray(self._grid.rows(window)[::-1])
+        counted = (None, None, None) if hidden is None else hidden
+        columns = planes.columns
+        if columns is not None:
+            columns = None if self._flat else columns.reshape(-1, window.width)
+        painted = _Painted(*planes[:-1], columns, *counted)
+        with self._one() as painter:
+            kernels.paint(painter, x, y, self._grid.resolution, window.row, window.column, painted)
+        if planes.columns is not None and self._flat:
+            _fill_flat(planes.heights, planes.columns)
+        return planes
+
+    def paint_lattice(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> Planes:
+        """Paint the nodes of a lattice other than the grid's; planes are those of `blank`.
+
+        Args:
+            x: (n,) world x of the columns, ascending, evenly spaced.
+            y: (m,) world y of the rows, ascending; planes have them from the north.
+        """
+        planes = self.blank(Window(0, 0, len(y), len(x)))
+        step = (x[-1] - x[0]) / (len(x) - 1)
+        with self._one() as painter:
+            kernels.paint(painter, x, y, step, 0, 0, _Painted(*planes[:-1], None, *[None] * 3))
+        return planes
+
+    @contextmanager
+    def _one(self) -> Iterator[kernels.Painter]:
+        """Lend a painter that no other thread uses meanwhile."""
         try:
             painter = self._idle.pop()
         except IndexError:
             painter = kernels.Painter(
                 self._field, self._voids, self._slopes, self._edges, self._storeys
             )
-        counted = (None, None, None) if hidden is None else hidden
-        columns = planes.columns
-        if columns is not None:
-            columns = None if self._flat else columns.reshape(-1, window.width)
-        painted = _Painted(*planes[:-1], columns, *counted)
-        kernels.paint(painter, x, y, self._grid.resolution, window.row, window.column, painted)
+        yield painter
         self._idle.append(painter)
-        if planes.columns is not None and self._flat:
-            _fill_flat(planes.heights, planes.columns)
-        return planes
 
     def _check(self, window: Window, planes: Planes) -> None:
         shape = (window.height, window.width)

@@ -92,9 +92,10 @@ class ExportPlan:
             for key, target in self.targets.items():
                 with part_folder(self.folder) as part:
                     written = target.write(scene, part)
-                    manifest = _manifest(scene, key, written, source)
+                    own = written.scene or scene
+                    manifest = _manifest(own, key, written, source)
                     manifest["files"] = _hashes(part)
-                    (part / README).write_text(_readme(scene, target, written), "utf-8")
+                    (part / README).write_text(_readme(own, target, written), "utf-8")
                     (part / MANIFEST).write_text(json_text(manifest) + "\n", "utf-8")
                     _put_in_place(part, self.folder / key)
                 reports.append(SimulatorReport(self.folder / key, manifest))

@@ -7,6 +7,7 @@ import itertools
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -21,8 +22,9 @@ from terratool.mesh.export import no_ground
 from terratool.mesh.formats.common import points_of, shape_of
 from terratool.report.numbers import metres
 from terratool.report.wording import count_of
-from terratool.simulators.collision.build import Collision, collision_of
+from terratool.simulators.collision.build import Collision, CollisionRequest, collision_of
 from terratool.simulators.collision.height_patch import SINK, HeightPatch
+from terratool.simulators.collision.smooth import SmoothGround, height_fields_of, smooth_ground
 from terratool.simulators.collision.solids import Solid, plan_rectangle
 from terratool.simulators.markup import child, comment, numbers, rgba, write_xml, xml_text
 from terratool.simulators.naming import ContactNames
@@ -47,6 +49,8 @@ _MANY = 1_500_000
 """Most faces of the seen mesh that solids are cut from; above, a coarser mesh is built."""
 _COARSEST = 0.02
 """Largest error that solids get from a coarser mesh, in parts of the relief."""
+_FACES_A_SECOND = 250
+"""Faces of the ground and of storeys, before they are cut, that are meshed and covered in a second."""
 _SEAM = 10.0
 """Largest reach of a solid into another surface of the same height, in errors."""
 _ROLLING = "0.005 0.0001"
@@ -121,7 +125,7 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
             file.writelines(chunks)
         return name
 
-    root, told = _model(scene, save)
+    root, told, own = _model(scene, save)
     write_xml(root, folder / _FILE)
     write_xml(_attaching(scene.name), folder / _INCLUDED)
     return WrittenFiles(
@@ -137,7 +141,34 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
         facts={"collision": told.facts},
         meshed=told.frictions is None,
         frictions=told.frictions,
+        scene=own,
     )
+
+
+def _smooth_of(scene: Scene) -> SmoothGround | None:
+    """Return the ground where nothing stands upright; None where all is to become solids."""
+    options, terrain = scene.options, scene.terrain
+    if options.collision == "hfield":
+        scene.say("laying height fields")
+        patches = height_fields_of(terrain, options.max_error, options.max_geoms)
+        return SmoothGround(terrain, [terrain.bounds], [], patches)
+    if options.collision == "convex":
+        return None
+    scene.say("laying height fields where nothing stands upright")
+    found = smooth_ground(terrain, options.max_error, options.max_geoms)
+    return found if found.solids or found.patches else None
+
+
+def _beside(scene: Scene, smooth: SmoothGround) -> Scene:
+    """Return the scene of the ground beside what height fields and domes stand for.
+
+    Where there are storeys, the mesh of all of it is seen.
+    """
+    if scene.terrain.storeys is not None:
+        return scene
+    worn = {surface for patch in smooth.patches for surface in patch.used_surfaces}
+    worn |= {solid.surface for solid in smooth.solids}
+    return replace(scene, terrain=smooth.terrain, holes=smooth.areas, beside=frozenset(worn))
 
 
 def mjspec(scene: Scene) -> mujoco.MjSpec:
@@ -159,7 +190,7 @@ def mjspec(scene: Scene) -> mujoco.MjSpec:
         files[name] = content
         return name
 
-    root, _ = _model(scene, save)
+    root, _, _ = _model(scene, save)
     return MjSpec.from_string(xml_text(root), assets=files)
 
 
@@ -167,24 +198,38 @@ _Save = Callable[[str, Iterable[bytes]], str]
 """Function that keeps a file, given piece by piece, and returns the name that it has then."""
 
 
-def _model(scene: Scene, save: _Save) -> tuple[ET.Element, _Told]:
-    """Return the MJCF of a scene, and an account of it; save the files that it names."""
+def _model(scene: Scene, save: _Save) -> tuple[ET.Element, _Told, Scene]:
+    """Return the MJCF of a scene, an account of it, and the scene whose mesh is seen.
+
+    Files that the MJCF names are saved.
+    """
+    wanted = scene.options.max_error
+    scene = scene.storeys_within(_FACES_A_SECOND * scene.options.max_seconds)
     root = ET.Element("mujoco", model=scene.name)
     if scene.terrain.descr:
         comment(root, scene.terrain.descr)
-    asset = ET.Element("asset")
-    world = ET.Element("worldbody")
-    model = _Mjcf(scene, save, asset, world, set())
+    model = _Mjcf(scene, save, ET.Element("asset"), ET.Element("worldbody"), set())
     if scene.options.flex:
         _add_visuals(model)
         told = _add_flexes(model)
     elif scene.grid_patch is not None:
         told = _CollisionGeoms(model).add_grid(scene.grid_patch)
     else:
-        _add_visuals(model)
-        told = _CollisionGeoms(model).add()
-    root.extend([_defaults(scene, model.worn), asset, world])
-    return root, told
+        smooth = _smooth_of(scene)
+        if smooth is not None:
+            model = model._replace(scene=_beside(scene, smooth))
+        if smooth is None or not model.scene.holes or not smooth.is_all:
+            _add_visuals(model)
+        told = _CollisionGeoms(model).add(smooth)
+    if scene.options.max_error > wanted:
+        coarse = metres(scene.options.max_error)
+        told = told._replace(losses=(
+            *told.losses,
+            f"Within {metres(wanted)}, decks and bores would take too long, so all is within"
+            f" {coarse}: --max-seconds N allows more.",
+        ))  # fmt: skip
+    root.extend([_defaults(scene, model.worn), model.asset, model.world])
+    return root, told, model.scene
 
 
 class _Mjcf(NamedTuple):
@@ -311,37 +356,96 @@ class _CollisionGeoms:
         self._names = ContactNames(model.scene)
         self._counts = {"box": 0, "mesh": 0, "hfield": 0}
 
-    def add(self) -> _Told:
-        """Add solids and height fields that collide, and are not seen."""
+    def add(self, smooth: SmoothGround | None = None) -> _Told:
+        """Add solids and height fields that collide.
+
+        Args:
+            smooth: ground that is both seen and collided with, beside the scene; None for none.
+        """
         options, scene = self._scene.options, self._scene
+        if smooth is not None and scene.holes and smooth.is_all:
+            return self._add_smooth(smooth)
         own, error = self._errors()
         parts = scene.parts_within(own)
         if parts is not None:
             built = parts.ground
         else:
-            built = scene.built_mesh if own == options.max_error else scene.mesh_within(own)
+            built = scene.built_mesh
+            if own != options.max_error and built.error > own:
+                built = scene.mesh_within(own)
         seam, most = _SEAM * options.max_error, options.max_geoms
-        found = collision_of(scene.terrain, built, error, seam, most, scene.say, parts)
+        if smooth is not None:
+            most = max(1, most - len(smooth.solids) - len(smooth.patches))
+        request = CollisionRequest(
+            scene.terrain, built, error, seam, most, scene.say, parts,
+            () if smooth is None else smooth.areas, options.max_seconds,
+        )  # fmt: skip
+        found = collision_of(request)
         levels = (built if len(built.mesh.faces) else scene.built_mesh).mesh.vertices[:, 2]
-        low, relief = float(levels.min()), float(np.ptp(levels))
-        self._base = low - max(_BELOW, _PART * relief)
-        self._sunk = low - SINK * max(relief, _BELOW)
-        worn, roofs = [one.surface for one in found.solids], [one.top for one in found.solids]
-        names = self._names.of_roofs(worn, roofs)
-        for name, solid in zip(names, found.solids, strict=True):
-            self._add_solid(name, solid)
-        for patch in found.patches:
-            for surface in patch.used_surfaces:
-                self._add_patch(patch, surface)
+        self._add_all(found, float(levels.min()), float(levels.max()), smooth)
+        if smooth is not None:
+            found = found._replace(
+                solids=found.solids + smooth.solids, patches=found.patches + smooth.patches
+            )
         counts = self._counts
-        summary = (
-            f"{count_of(sum(counts.values()), 'geom')} to collide with: "
-            f"{count_of(counts['box'], 'box')}, {count_of(counts['mesh'], 'convex mesh')}, "
-            f"{count_of(counts['hfield'], 'height field')}"
-        )
+        summary = _summary(counts)
         solids = found.height + built.error
         losses = _loss_sentence(found, solids, options, error, sum(counts.values()))
         return _Told(summary, _LAYERS, (losses,), self._facts(found, solids, seam), self._example)
+
+    def _add_smooth(self, smooth: SmoothGround) -> _Told:
+        """Add height fields and domes that are all of the ground.
+
+        Raises:
+            RequestError: there is no ground.
+        """
+        options, scene = self._scene.options, self._scene
+        found = Collision(smooth.solids, smooth.patches, options.max_error)
+        if not found.solids and not any(patch.used.any() for patch in found.patches):
+            raise no_ground()
+        self._add_all(Collision([], [], 0.0), math.inf, -math.inf, smooth)
+        counts = self._counts
+        summary = _summary(counts)
+        solids = options.max_error if found.solids else 0.0
+        losses = _loss_sentence(found, solids, options, solids, sum(counts.values()))
+        worn = [scene.material(n) for n in sorted(scene.beside, key=lambda n: (n < 0, n))]
+        facts = self._facts(found, solids, 0.0)
+        return _Told(summary, _LAYERS, (losses,), facts, self._example, tuple(worn))
+
+    def _add_all(
+        self, found: Collision, low: float, high: float, smooth: SmoothGround | None
+    ) -> None:
+        """Add geoms of a mesh with a lowest and a highest level, and those that are seen, too."""
+        seen = Collision([], [], 0.0)
+        if smooth is not None:
+            seen = Collision(smooth.solids, smooth.patches, 0.0)
+        for levels in (
+            *(solid.top[:, 2] for solid in seen.solids),
+            *(patch.heights for patch in seen.patches if patch.used.any()),
+        ):
+            low, high = min(low, float(np.nanmin(levels))), max(high, float(np.nanmax(levels)))
+        self._base = low - max(_BELOW, _PART * (high - low))
+        self._sunk = low - SINK * max(high - low, _BELOW)
+        for part in (found, seen):
+            begin = len(self._model.world)
+            worn, roofs = [one.surface for one in part.solids], [one.top for one in part.solids]
+            names = self._names.of_roofs(worn, roofs)
+            for name, solid in zip(names, part.solids, strict=True):
+                self._add_solid(name, solid)
+            for patch in part.patches:
+                for surface in patch.used_surfaces:
+                    self._add_patch(patch, surface)
+            if part is seen and self._scene.holes:
+                self._show(begin)
+
+    def _show(self, begin: int) -> None:
+        """Add what is seen of the geoms from an index on; nothing collides with it."""
+        surfaces = {self._model.class_of(n)["class"]: n for n in sorted(self._model.worn)}
+        for geom in list(self._model.world)[begin:]:
+            own = dict(geom.attrib)
+            color = rgba(self._scene.material(surfaces[own["class"]]).color)
+            name = f"{own.pop('name')}/seen"
+            child(self._model.world, "geom", name=name, **own, rgba=color, **_SEEN)
 
     def add_grid(self, patch: HeightPatch) -> _Told:
         """Add a height field for each surface of a grid, which is seen and collides.
@@ -394,12 +498,8 @@ class _CollisionGeoms:
     @property
     def _example(self) -> tuple[str, ...]:
         """Paragraph on the names of geoms, with the last one as an example."""
-        geom = next(
-            one
-            for one in reversed(self._model.world)
-            if one.get("group") != "2" or one.get("hfield")
-        )
-        return (_NAMES.format(geom.get("name")),)
+        names = (str(geom.get("name")) for geom in reversed(self._model.world))
+        return (_NAMES.format(next(name for name in names if not name.endswith("/seen"))),)
 
     def _add_geom(self, kind: str, name: str, surface: int, **attributes: object) -> None:
         """Add a geom of a kind, and count it."""
@@ -467,6 +567,15 @@ def _middles(patch: HeightPatch, used: NDArray[np.bool_]) -> NDArray[np.float64]
     return 0.5 * (patch.at(row, column) + patch.at(row + 1, column + 1))
 
 
+def _summary(counts: dict[str, int]) -> str:
+    """Return what collides in a few words."""
+    return (
+        f"{count_of(sum(counts.values()), 'geom')} to collide with: "
+        f"{count_of(counts['box'], 'box')}, {count_of(counts['mesh'], 'convex mesh')}, "
+        f"{count_of(counts['hfield'], 'height field')}"
+    )
+
+
 def _grid_losses(patch: HeightPatch, sunk: float) -> Iterator[str]:
     """Yield sentences on the rims and the void of a height field straight from a grid.
 
@@ -504,6 +613,8 @@ def _loss_sentence(
         parts.append(f"solids are up to {metres(solids)} off the terrain, square to it")
         if (found.raised or allowed > wanted) and geoms <= most:
             parts[0] += f", to keep to {count_of(most, 'geom')}: --max-geoms N allows more"
+        if found.late:
+            parts[0] += ", as the time was over: --max-seconds N allows more"
         if len({solid.surface for solid in found.solids}) > 1:
             parts.append(f"they reach up to {metres(_SEAM * wanted)} into other surfaces")
     parts += _field_parts(found, wanted, ", as measured")

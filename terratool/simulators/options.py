@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from terratool.errors import RequestError
 from terratool.mesh.origin import Origin, check_origin
@@ -18,11 +19,18 @@ ASSUMED_FRICTION = 0.7
 
 MAX_GEOMS = 2000
 """Default of the most geoms: MuJoCo's steps take longer with more."""
+MAX_SECONDS = 60.0
+"""Default of the seconds after which a search for better solids is given up."""
+COLLISIONS = "auto", "hfield", "convex"
+"""Kinds of what collides."""
+Collisions = Literal["auto", "hfield", "convex"]
 MAX_SLOPE, MAX_STEP = 20.0, 0.1
 """Default limits of slope (degrees) and step (units of the terrain), if no vehicle is named."""
 
 _ABOUT = {
     "max_geoms": ["mujoco"],
+    "collision": ["mujoco"],
+    "max_seconds": ["mujoco"],
     "flex": ["mujoco"],
     "heightmap": ["gazebo"],
     "per_surface": ["usd"],
@@ -33,7 +41,13 @@ _ABOUT = {
     "dask": ["nav2", "grid-map"],
 }
 """Targets that use an option, by the option's name."""
-_IN_PLACE_OF = {"max_geoms": "flex", "max_slope": "vehicle", "max_step": "vehicle"}
+_IN_PLACE_OF = {
+    "max_geoms": "flex",
+    "max_seconds": "flex",
+    "collision": "flex",
+    "max_slope": "vehicle",
+    "max_step": "vehicle",
+}
 """Option that makes another one idle, by the name of the idle one."""
 
 
@@ -46,7 +60,11 @@ class SceneOptions:
         origin: zero of the files: the south-west corner, the middle, the zero of the world, or a
             point of the world.
         friction: coefficient of friction of surfaces without a friction angle, from 0 on.
+        collision: MuJoCo: what collides: height fields where nothing stands upright and solids
+            elsewhere, height fields alone, or solids wherever these are few.
         max_geoms: MuJoCo: most solids and height fields that collide, from 1 on.
+        max_seconds: MuJoCo: seconds after which the search for solids that are closer to the ground
+            is given up, above 0.
         flex: MuJoCo: whether the exact mesh collides as rigid flexes, in place of solids and height
             fields.
         heightmap: Gazebo: whether a picture of heights replaces the mesh.
@@ -63,7 +81,9 @@ class SceneOptions:
     max_error: float = DEFAULT_ERROR
     origin: Origin = "local"
     friction: float = ASSUMED_FRICTION
+    collision: Collisions = "auto"
     max_geoms: int = MAX_GEOMS
+    max_seconds: float = MAX_SECONDS
     flex: bool = False
     heightmap: bool = False
     per_surface: bool = False
@@ -101,6 +121,16 @@ class SceneOptions:
             )
         if self.resolution is not None:
             refuse_resolution(self.resolution)
+        if self.collision not in COLLISIONS:
+            raise RequestError(
+                f'"{self.collision}" is no kind of collision.',
+                f"Choose one of {join_words(COLLISIONS)}.",
+            )
+        if not self.max_seconds > 0.0:
+            raise RequestError(
+                f"The search for solids may take {self.max_seconds:g} seconds.",
+                "Give a number above 0.",
+            )
         if self.max_geoms < 1:
             raise RequestError(f"At most {self.max_geoms} geoms are allowed.", "Allow 1 or more.")
 

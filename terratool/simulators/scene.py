@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -13,10 +13,11 @@ import numpy as np
 from msgspec import UNSET
 
 from terratool.cluster import Crew, Threads
+from terratool.definition.findings import Bounds
 from terratool.definition.presets import friction_of, preset_of, property_of
 from terratool.errors import RequestError
 from terratool.field.terrain import Terrain
-from terratool.mesh.build import GREY
+from terratool.mesh.build import GREY, build
 from terratool.mesh.export import BudgetedMesh, MeshOptions, collapse_degenerate, loss_of, no_ground
 from terratool.mesh.formats.common import (
     NO_COLOR,
@@ -84,6 +85,8 @@ class Scene:
         say: function that is called with a phrase at each step.
         judge: judge by the vehicle that the options name; None without a vehicle.
         crew: crew that looks at windows of cells.
+        holes: world rectangles that the mesh leaves out.
+        beside: indices of surfaces of ground that the mesh leaves out; -1 for none.
     """
 
     terrain: Terrain
@@ -92,6 +95,8 @@ class Scene:
     say: Callable[[str], object] = lambda _: None
     judge: Judge | None = None
     crew: Crew = field(default_factory=lambda: Threads(processors()))
+    holes: Sequence[Bounds] = ()
+    beside: frozenset[int] = frozenset()
 
     @cached_property
     def ground(self) -> Scene:
@@ -125,13 +130,15 @@ class Scene:
         """
         self.say(f"meshing within {metres(error)}")
         built = self._built_within(error)
-        if not len(built.mesh.faces):
+        if not len(built.mesh.faces) and not self.holes:
             raise no_ground()
         self.say(f"{count_of(len(built.mesh.faces), 'face')} within {metres(error)}")
         return built
 
     def _built_within(self, error: float) -> BuiltMesh:
         """Return the mesh within an error; one of many faces by tiles, where these fit."""
+        if self.holes:
+            return collapse_degenerate(build(self.terrain, error, holes=self.holes))
         faces = self._faces_within(error)
         self._refuse_faces(error, faces)
         if self.terrain.storeys is None and faces > _TILED_FACES:
@@ -147,6 +154,22 @@ class Scene:
         self.say(f"meshing ground and storeys within {metres(error)}")
         parts = build_parts(self.terrain, storeys, error)
         return parts._replace(ground=collapse_degenerate(parts.ground))
+
+    def storeys_within(self, faces: float) -> Scene:
+        """Return the scene with an error at which the meshes of storeys have so few faces, about.
+
+        Args:
+            faces: most faces of the ground and of all faces of storeys, before they are cut where
+                they meet.
+        """
+        storeys, error = self.terrain.storeys, self.options.max_error
+        if storeys is None:
+            return self
+        fields = [self.terrain.ground_alone, *(sheet.top for sheet in storeys.sheets)]
+        fields += [sheet.other_face(storeys.table.gaps) for sheet in storeys.sheets]
+        while sum(faces_of(plan_of(field, error)[0]) for field in fields) > faces:
+            error *= 2.0
+        return replace(self, options=replace(self.options, max_error=error))
 
     @cached_property
     def level_solids(self) -> list[LevelSolid]:
@@ -294,7 +317,8 @@ class Scene:
         Ground without a surface is last, if there is any.
         """
         if meshed:
-            return [self.material(index) for index in self._meshed_surfaces]
+            worn = {*self._meshed_surfaces, *self.beside}
+            return [self.material(index) for index in sorted(worn, key=lambda n: (n < 0, n))]
         terrain, arrays = self.terrain, self.terrain.arrays
         worn = set(arrays.worn.tolist())
         worn.discard(-1)  # tracks that leave the ground its own surface

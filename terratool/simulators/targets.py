@@ -33,6 +33,7 @@ class WrittenFiles:
         facts: figures for programs, ready for JSON.
         meshed: whether the files hold the mesh of the scene.
         frictions: materials whose friction the files hold; None for all that the scene uses.
+        scene: scene whose mesh the files hold, if that is a part of the ground alone; else None.
     """
 
     summary: str
@@ -43,6 +44,7 @@ class WrittenFiles:
     facts: Mapping[str, Any] = field(default_factory=dict)
     meshed: bool = True
     frictions: tuple[Material, ...] | None = None
+    scene: Scene | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,10 +6,11 @@ What stands over gaps is covered before, by solids alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -27,6 +28,8 @@ from terratool.simulators.collision.footing import rest_of
 from terratool.simulators.collision.height_patch import Bools, Floats, HeightPatch, Indices, Ints
 from terratool.simulators.collision.patches import CELLS, Surroundings, lay_patches, spread
 from terratool.simulators.collision.solids import (
+    OTHERS,
+    SLIVER,
     VOID,
     Budget,
     GroundTriangles,
@@ -34,8 +37,11 @@ from terratool.simulators.collision.solids import (
     Solid,
     Tolerance,
     areas_of,
+    clip,
     cover,
     plan_rectangle,
+    plane_solid,
+    rectangles_under,
 )
 
 _VALLEY = 0.3
@@ -54,6 +60,13 @@ _GROUP = 20_000
 """Most triangles of connected ground that becomes solids; more are left to height fields."""
 _LEAN = 8
 """Least triangles per solid of ground that becomes solids; others are left to height fields."""
+_FULL = 1e-9
+"""Share by which the hull of a convex part may be larger than it."""
+_SLIT = 2e-5
+"""Least width of a convex part of the ground that counts, units of the terrain."""
+_RECTANGLES, _MANY = 4, 500
+"""Most rectangles that a level part becomes without a search for fewer, and triangles from which
+any number will do."""
 _SHARE = 0.5
 """Share of all solids and height fields that plane and hilly ground may take."""
 _FIELDS = 1 / 3
@@ -72,16 +85,14 @@ _DEEP = -1e6
 """Height of the triangles of the void, units of the terrain; the sky is as high."""
 _ALIKE = 6
 """Decimals of heights of corners over gaps that are one."""
+_LATE = 0.5
+"""Share of the time for the search that each further error may take when it is over."""
 _LEAST = 0.1
 """Least share of the error that is left to solids, whatever the mesh takes of it."""
 _SPARE = 1.25
 """Solids that ground at walls may take for each of its parts."""
 _GROW = 2.0
 """Factor by which the error of solids grows while they are too many."""
-_CLOSE = 1.25
-"""Ratio of a sufficient error to an insufficient one below which the search ends."""
-_ENOUGH = 0.8
-"""Share of the allowed solids above which the search for a smaller error ends."""
 
 
 class Collision(NamedTuple):
@@ -92,12 +103,14 @@ class Collision(NamedTuple):
         patches: height fields.
         height: largest distance of a solid's roof from the mesh, square to it.
         raised: whether `height` is more than was wanted, as the solids were too many.
+        late: whether the time for the search was over, so that `height` may be more still.
     """
 
     solids: list[Solid]
     patches: list[HeightPatch]
     height: float
     raised: bool = False
+    late: bool = False
 
     @property
     def worst(self) -> float:
@@ -120,22 +133,10 @@ class Collision(NamedTuple):
         return 100.0 * over / whole
 
 
-def collision_of(
-    terrain: Terrain,
-    built: BuiltMesh,
-    max_error: float,
-    seam: float,
-    most: int,
-    say: Callable[[str], object] = lambda _: None,
-    parts: StackParts | None = None,
-) -> Collision:
-    """Cover the ground of a mesh by at most `most` solids and height fields.
+class CollisionRequest(NamedTuple):
+    """Mesh whose ground is to be covered, and limits of what covers it.
 
-    Plane ground and hills become solids. Height fields are laid over the rest, but for the ground
-    at upper edges of walls, creases and the void, which becomes solids, too. If solids are too
-    many, they may be farther from the ground. Where that spoils the ground, there are more.
-
-    Args:
+    Attributes:
         terrain: terrain of the mesh.
         built: mesh; the error of solids is what its own leaves.
         max_error: largest distance of solids and height fields from the terrain.
@@ -143,7 +144,29 @@ def collision_of(
         most: most solids and height fields.
         say: function that is called with a phrase at each step.
         parts: parts of a terrain with storeys, of which the mesh is the ground; None for others.
+        holes: world rectangles that the mesh leaves out, as others cover them.
+        seconds: time that the search for solids may take.
     """
+
+    terrain: Terrain
+    built: BuiltMesh
+    max_error: float
+    seam: float
+    most: int
+    say: Callable[[str], object] = lambda _: None
+    parts: StackParts | None = None
+    holes: Sequence[Bounds] = ()
+    seconds: float = math.inf
+
+
+def collision_of(request: CollisionRequest) -> Collision:
+    """Cover the ground of a mesh by at most `most` solids and height fields.
+
+    Plane ground and hills become solids. Height fields are laid over the rest, but for the ground
+    at upper edges of walls, creases and the void, which becomes solids, too. If solids are too
+    many, they may be farther from the ground. Where that spoils the ground, there are more.
+    """
+    terrain, built, max_error, seam, most, say, parts, _, seconds = request
     height = max(max_error - built.error, _LEAST * max_error)
     levels = built.mesh.vertices[:, 2]
     west, south, east, north = terrain.bounds
@@ -152,16 +175,27 @@ def collision_of(
         levels = np.concatenate([levels, parts.over[:, :, 2:].ravel()])
     spoilt = max(_SPOILT * float(np.ptp(levels)), 2.0 * max_error)
     rim = min(_RIM_OF_SEAM * seam, _RIM_OF_SIDE * longest)
-    limits = _Limits(height, spoilt, seam, rim, _PLAIN * (longest / CELLS) ** 2, say)
+    limits = _Limits(
+        height,
+        spoilt,
+        seam,
+        rim,
+        _PLAIN * (longest / CELLS) ** 2,
+        say,
+        seconds,
+        time.monotonic() + seconds,
+    )
     over: tuple[float, list[Solid]] = (height, [])
     if parts is not None and len(parts.over):
         over = _cover_over_gaps(parts, int(_SHARE * most), limits)
     if not len(built.mesh.faces):
         return Collision(over[1], [], over[0], over[0] > height)
-    task = _task_of(terrain, built, max_error, limits)
+    task = _task_of(request, limits)
     found = task.cover_ground(max(most - len(over[1]), 1))
     height = max(found.height, over[0])
-    return Collision(found.solids + over[1], found.patches, height, height > limits.height)
+    raised = height > limits.height
+    solids = found.solids + over[1]
+    return Collision(solids, found.patches, height, raised, raised and limits.is_late())
 
 
 class _Limits(NamedTuple):
@@ -174,6 +208,8 @@ class _Limits(NamedTuple):
         rim: largest reach of a solid over the void.
         area: least area of a plane slope that becomes solids before all that is curved.
         say: function that is called with a phrase at each step.
+        seconds: time that the search for solids may take.
+        until: time of the monotonic clock at which the search for better solids is given up.
     """
 
     height: float
@@ -182,6 +218,12 @@ class _Limits(NamedTuple):
     rim: float
     area: float
     say: Callable[[str], object]
+    seconds: float = math.inf
+    until: float = math.inf
+
+    def is_late(self) -> bool:
+        """Whether what takes long is given up."""
+        return time.monotonic() > self.until
 
 
 @dataclass(frozen=True)
@@ -196,6 +238,7 @@ class _Task:
         ends: (k, 2, 2) float64 edges that no height field may cross, whatever that costs.
         extent: west, south, east, north of the ground.
         limits: limits of solids.
+        patched: whether height fields may stand for some of it.
     """
 
     around: Surroundings
@@ -205,6 +248,7 @@ class _Task:
     ends: Floats
     extent: Bounds
     limits: _Limits
+    patched: bool
 
     def cover_ground(self, most: int) -> Collision:
         """Cover the ground by at most `most` geoms, or more where that would spoil it."""
@@ -214,10 +258,16 @@ class _Task:
         done = cutting.done
         limits.say("finding plane ground")
         cutting.take_planes(self.joints)
-        limits.say("finding hills and ramps")
-        cutting.take_hills(self.groups)
+        if self.patched and not done.all():
+            limits.say("finding hills and ramps")
+            cutting.take_hills(self.groups)
         if done.all():
             return Collision(cutting.solids, [], limits.height)
+        if not self.patched:
+            left = np.flatnonzero(~done)
+            room = max(most - len(cutting.solids), 1)
+            height, found = cutting.cover_rest(self.triangles[left], left, self.groups, room)
+            return Collision(cutting.solids + found, [], height, height > limits.height)
         held = shapely.union_all(shapely.polygons(self.triangles[done][:, :, :2]))
         held = held.buffer(_HAIR, join_style="mitre")
         shapely.prepare(held)
@@ -246,32 +296,35 @@ class _Task:
         return len(np.unique(self.groups[near[~done[near]]]))
 
 
-def _task_of(
-    terrain: Terrain,
-    built: BuiltMesh,
-    max_error: float,
-    limits: _Limits,
-) -> _Task:
-    """Return the task of covering a mesh, with arguments of `collision_of`, and limits."""
-    mesh = built.mesh
+def _task_of(request: CollisionRequest, limits: _Limits) -> _Task:
+    """Return the task of covering the mesh of a request."""
+    terrain, mesh, max_error = request.terrain, request.built.mesh, request.max_error
     west, south, east, north = terrain.bounds
     extent = 0.0, 0.0, east - west, north - south
     faces = mesh.faces[~mesh.walls]
     triangles, surfaces = mesh.vertices[faces], mesh.surfaces[~mesh.walls]
+    held = np.array(request.holes).reshape(-1, 4) - np.tile(mesh.origin[:2], 2)
+    if request.parts is not None and len(held):  # whose mesh has no holes
+        triangles, surfaces, faces = _outside(triangles, surfaces, held)
     joints = _joints(triangles, surfaces, faces)
     rims, walls = _rims(mesh, extent), _wall_ends(mesh)
+    rims = rims[~_on_edges(rims, held, _BORDER * max(extent))]
     void = _void(terrain, mesh, rims, extent)
+    others = _halves_of(held)
     ground = GroundTriangles(
-        np.concatenate([triangles, void]),
-        np.append(surfaces, np.full(len(void), VOID, np.int32)),
+        np.concatenate([triangles, void, others]),
+        np.concatenate(
+            [surfaces, np.full(len(void), VOID), np.full(len(others), OTHERS)], dtype=np.int32
+        ),
         np.concatenate([joints.sharp, walls, rims]),
     )
     ends = np.concatenate([walls, rims])
     around = Surroundings(
         terrain, mesh.origin[:2], walls, ground.sharp, shapely.Polygon(), ground, max_error
     )
-    groups = components(joints.pairs[joints.smooth], len(faces))
-    return _Task(around, triangles, joints, groups, ends, extent, limits)
+    groups = components(joints.pairs[joints.smooth], len(triangles))
+    patched = not request.holes
+    return _Task(around, triangles, joints, groups, ends, extent, limits, patched)
 
 
 @dataclass
@@ -325,18 +378,46 @@ class _Cutting:
         each = areas_of(triangles)
         sizes = np.array([each[part].sum() for part in parts])
         level = (np.ptp(triangles[:, :, 2:], axis=1) == 0.0).all(axis=1)
+        hulls = [_hull(triangles[part]) for part in parts]
+        convex = np.array([hull.area for hull in hulls]) <= sizes * (1.0 + _FULL) + SLIVER
         for i in np.argsort(-sizes, kind="stable").tolist():
             part = parts[i]
             if level[part[0]]:
-                plane = len(part) > 1 or sizes[i] >= area
+                plane = len(part) > 1 or sizes[i] >= area or convex[i]
             else:
                 plane = sizes[i] >= area and (len(part) > 2 or not bent[part].any())
-            if plane:
+            if plane and convex[i] and triangles.shape[2] == 3:
+                self._take_convex(part, hulls[i])
+            elif plane and not (level[part[0]] and self._take_rectangles(part)):
                 self._take(part, self.most)
+
+    def _take_convex(self, part: NDArray[np.intp], hull: Any) -> None:
+        """Make a plane part of the ground that is convex a solid."""
+        self.done[part] = True
+        if not hull.area > SLIVER or hull.area <= 0.25 * _SLIT * hull.length:
+            return
+        self.solids.append(plane_solid(hull, self.triangles[part[0]], int(self.surfaces[part[0]])))
+
+    def _take_rectangles(self, part: NDArray[np.intp]) -> bool:
+        """Make a level part of the ground boxes, if its edges lie along the axes; return whether."""
+        if self.triangles.shape[2] > 3:
+            return False
+        own, surface = self.triangles[part], int(self.surfaces[part[0]])
+        shape = shapely.coverage_union_all(shapely.polygons(own[:, :, :2]))
+        boxes = rectangles_under(
+            self.ground, shape, float(own[0, 0, 2]), surface, self.limits.height
+        )
+        if not boxes or (len(boxes) > _RECTANGLES and len(part) < _MANY):
+            return False  # a search may find fewer
+        self.solids += [plane_solid(box, own[0], surface) for box in boxes]
+        self.done[part] = True
+        return True
 
     def take_hills(self, groups: Ints) -> None:
         """Make connected ground solids, where these are few."""
         for part in _indices_by_label(groups):
+            if self.limits.is_late():
+                return
             if len(part) <= _GROUP and not self.done[part].all():
                 self._take(part, 1 + len(part) // _LEAN)
 
@@ -365,32 +446,31 @@ class _Cutting:
         limits = self.limits
         labels, surfaces = groups[index], self.surfaces[index]
         area, fewest = float(areas_of(pieces).sum()), len(np.unique(labels))
-        height, too_low, spoiling = limits.height, 0.0, False
+        height = limits.height
         if fewest > room:
             limits.say(f"covering {count_of(fewest, 'part')} of the ground at walls")
         room = max(room, math.ceil(_SPARE * fewest))
-        best: tuple[float, list[Solid]] | None = None
         while True:
-            budget = Budget(room, area)
+            budget = Budget(room, area, until=limits.until)
             found = self.cover_all(pieces, labels, surfaces, height, budget)
             if not budget.is_spent:
-                best = height, found
-            elif height >= limits.spoilt:
-                room, spoiling = 2 * room, True
-            else:
-                too_low = height
-            if best is None:
+                return height, found
+            if limits.is_late():
                 height = min(_GROW * height, limits.spoilt)
-            elif (
-                spoiling
-                or not too_low
-                or too_low * _CLOSE >= best[0]
-                or len(best[1]) >= _ENOUGH * room
-            ):
-                return best
+                # the error that spoils it takes the fewest, whatever time that takes
+                late = time.monotonic() + _LATE * limits.seconds
+                limits = limits._replace(until=late if height < limits.spoilt else math.inf)
+            elif height >= limits.spoilt:
+                room = 2 * room
             else:
-                height = math.sqrt(too_low * best[0])
+                height = min(_GROW * height, limits.spoilt)
             limits.say(f"covering what is near walls within {metres(height)}")
+
+
+def _hull(triangles: Floats) -> Any:
+    """Return the convex hull of triangles seen from above."""
+    corners = triangles[:, :, :2].reshape(-1, 2)
+    return shapely.convex_hull(shapely.linestrings(np.concatenate([corners, corners[:1]])))
 
 
 def level_boxes(parts: StackParts, error: float) -> list[tuple[int, PlanRectangle]]:
@@ -516,6 +596,41 @@ def _wall_ends(mesh: Mesh) -> Floats:
     longest = np.argmax([((corners[:, k] - corners[:, k - 1]) ** 2).sum(1) for k in range(3)], 0)
     at = np.arange(len(corners))
     return np.stack([corners[at, longest], corners[at, longest - 1]], axis=1)
+
+
+def _halves_of(rectangles: Floats) -> Floats:
+    """Return the triangles of rectangles, (2 n, 3, 3), far below."""
+    corners = rectangles[:, [[0, 1], [2, 1], [2, 3], [0, 3]]]
+    flat = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
+    return np.concatenate([flat, np.full((*flat.shape[:2], 1), _DEEP)], axis=2)
+
+
+def _outside(triangles: Floats, surfaces: Ints, rectangles: Floats) -> tuple[Floats, Ints, Ints]:
+    """Return triangles without what is in rectangles, their surfaces, and indices of corners."""
+    left = np.concatenate([triangles, np.repeat(surfaces[:, None, None], 3, axis=1)], axis=2)
+    for west, south, east, north in rectangles.tolist():
+        low, high = left[:, :, :2].min(axis=1), left[:, :, :2].max(axis=1)
+        near = ((low < (east, north)) & (high > (west, south))).all(axis=1)
+        within, kept = left[near], [left[~near]]
+        for axis, at, sign in ((0, west, 1.0), (0, east, -1.0), (1, south, 1.0), (1, north, -1.0)):
+            within, beyond = clip(within, sign * (within[:, :, axis] - at), _BORDER)
+            kept.append(beyond)
+        left = np.concatenate(kept)
+    left = left[areas_of(left) > SLIVER]
+    corners = left[:, :, :3].reshape(-1, 3).round(_ALIKE)
+    faces = np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1, 3).astype(np.int32)
+    whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    return left[whole, :, :3], left[whole, 0, 3].round().astype(np.int32), faces[whole]
+
+
+def _on_edges(ends: Floats, rectangles: Floats, near: float) -> Bools:
+    """Whether edges, (n, 2, 2), lie on an edge of a rectangle, (n,)."""
+    found = np.zeros(len(ends), np.bool_)
+    middles = shapely.points(ends.mean(axis=1))
+    for sides in (shapely.boundary(shapely.box(*rectangles.T)),) if len(rectangles) else ():
+        index, _ = shapely.STRtree(sides).query(middles, predicate="dwithin", distance=near)
+        found[index] = True
+    return found
 
 
 def _rims(mesh: Mesh, extent: Bounds) -> Floats:

@@ -50,6 +50,12 @@ class HeightPatch:
         return float(self.misses[self.used & ~self.near].max(initial=0.0))
 
     @property
+    def is_level(self) -> bool:
+        """Whether all nodes are at one height, and all cells used and of one surface."""
+        alike = np.ptp(self.heights) == 0.0 and np.ptp(self.surfaces) == 0
+        return bool(alike and self.used.all() and not self.mixed.any())
+
+    @property
     def cell(self) -> tuple[float, float]:
         """Width and height of a cell."""
         west, south, east, north = self.bounds

@@ -65,7 +65,8 @@ class Surroundings:
     @cached_property
     def points(self) -> Floats:
         """Corners of the ground, each once, (n, 3) float64, x ascending."""
-        return np.unique(self.ground.triangles.reshape(-1, 3), axis=0)
+        here = self.ground.surfaces > VOID
+        return np.unique(self.ground.triangles[here].reshape(-1, 3), axis=0)
 
     @cached_property
     def wall_tree(self) -> shapely.STRtree:
@@ -85,7 +86,7 @@ class Surroundings:
         """Return surface indices at columns x and rows y, which ascend, (rows, columns)."""
         near = self.ground.tree.query(shapely.box(x[0], y[0], x[-1], y[-1]))
         worn = np.unique(self.ground.surfaces[near])
-        worn = worn[worn != VOID]
+        worn = worn[worn > VOID]
         if len(worn) == 1:
             return np.full((len(y), len(x)), worn[0])
         at = x[None, :] + self.corner[0], y[:, None] + self.corner[1]

@@ -6,6 +6,7 @@ A piece has corners x, y, z of triangles of the ground, or x, y, top, bottom of 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,6 +24,8 @@ Indices = NDArray[np.intp]
 
 VOID = -2
 """Index of a surface that stands for no ground."""
+OTHERS = -3
+"""Index of a surface that stands for ground which others cover, and no solid may."""
 
 SLIVER = 1e-9
 """Least area that counts, square units of the terrain."""
@@ -60,6 +63,8 @@ _FIRST_SOLIDS = 8
 """Number of solids that a region may have beyond its share, as its first ones tell little."""
 _STEEP = 0.7
 """Cosine of a plane's slope below which its edges are lowered to the ground's."""
+_CORNERS = 512
+"""Most corners of level ground, about, that rectangles along the axes are sought for."""
 _MOST = 20_000
 """Most triangles of a piece that becomes one solid with a convex roof."""
 _LARGE = 2_048
@@ -121,7 +126,7 @@ class GroundTriangles:
     Attributes:
         triangles: (n, 3, 3) float64 corners, counter-clockwise seen from above; of gaps (n, 3, 4):
             x, y, floor, ceiling.
-        surfaces: (n,) int32 surface indices, -1 for none, VOID where the ground is far below.
+        surfaces: (n,) int32 surface indices, -1 for none, VOID or OTHERS where it counts as far below.
         sharp: (k, 2, 2) float64 ends of walls and creases, seen from above.
     """
 
@@ -171,16 +176,20 @@ class Budget:
         area: area of the ground, seen from above.
         done: area of the ground that is covered.
         count: number of solids so far.
+        until: time of the monotonic clock at which it is spent.
     """
 
     most: int
     area: float
     done: float = 0.0
     count: int = 0
+    until: float = math.inf
 
     @property
     def is_spent(self) -> bool:
         """Whether there are too many solids, or will be by far."""
+        if time.monotonic() > self.until:
+            return True
         share = _FIRST_SHARE + _FAR * self.done / max(self.area, self.done, SLIVER)
         return self.count > min(share * self.most + _FIRST_SOLIDS, self.most)
 
@@ -297,10 +306,77 @@ def _single_solid(
         hull = _hull(corners[:, :2])
         rim = hull.buffer(-tolerance.rim, join_style="mitre")
         near = ground.tree.query(rim, predicate="intersects")
-        void = len(planes) == 1 and (ground.surfaces[near] == VOID).any()
+        void = len(planes) == 1 and (ground.surfaces[near] <= VOID).any()
         if not void and _fills(piece, hull.buffer(-tolerance.wall, join_style="mitre")):
             return Solid(corners[:, :3], False, surface, _underside(corners)), none
     return None, none
+
+
+def plane_solid(shape: Any, triangle: Floats, surface: int) -> Solid:
+    """Return the solid of a convex polygon in the plane of a triangle, (3, 3)."""
+    ring = shapely.get_coordinates(shape)[:-1]
+    if not shapely.is_ccw(shapely.get_exterior_ring(shape)):
+        ring = ring[::-1]
+    plane = _fit(triangle)
+    return Solid(np.column_stack([ring, plane.at(ring)]), True, surface)
+
+
+def rectangles_under(
+    ground: GroundTriangles, shape: Any, top: float, surface: int, height: float
+) -> list[Any]:
+    """Return rectangles along the axes that cover level ground, and reach under higher ground.
+
+    None are returned where other edges than such along the axes bound them.
+
+    Args:
+        ground: all of the ground.
+        shape: polygon of the level ground seen from above.
+        top: height of the level ground.
+        surface: surface of the level ground.
+        height: largest height over lower ground.
+    """
+    if shape.geom_type != "Polygon":
+        return []
+    whole = shapely.polygons(shapely.get_exterior_ring(shape))
+    if len(shapely.get_coordinates(whole)) > _CORNERS or not _is_straight(whole):
+        return []
+    near = np.sort(ground.tree.query(whole, predicate="intersects"))
+    found, worn = ground.triangles[near], ground.surfaces[near]
+    low = found[:, :, 2].min(axis=1)
+    bars = (low < top - height) | (worn <= VOID) | ((worn != surface) & (low < top + _SNAP))
+    barred = shapely.union_all(ground.tree.geometries[near[bars]])
+    free = shapely.difference(whole, barred)
+    pieces = [part for part in shapely.get_parts(free) if part.geom_type == "Polygon"]
+    if not all(_is_straight(part) for part in pieces):
+        return []
+    corners = np.concatenate([shapely.get_coordinates(part) for part in pieces])
+    x, y = (np.unique(corners[:, axis]) for axis in (0, 1))
+    if len(x) * len(y) > _CORNERS**2:
+        return []
+    shapely.prepare(free)
+    within = shapely.contains_xy(free, *np.meshgrid(0.5 * (x[1:] + x[:-1]), 0.5 * (y[1:] + y[:-1])))
+    within &= (np.diff(x)[None, :] > _NARROW) & (np.diff(y)[:, None] > _NARROW)
+    runs: list[list[int]] = []  # first and last column, first and last row
+    growing: dict[tuple[int, int], list[int]] = {}
+    for row, own in enumerate(within):
+        step = np.diff(np.concatenate([[0], own.astype(np.int8), [0]]))
+        last, growing = growing, {}
+        for run in zip(
+            np.flatnonzero(step > 0).tolist(), np.flatnonzero(step < 0).tolist(), strict=True
+        ):
+            one = last.get(run)
+            if one is None:
+                runs.append(one := [*run, row, row])
+            one[3], growing[run] = row + 1, one
+    boxes = shapely.box(*(np.array([[x[a], y[c], x[b], y[d]] for a, b, c, d in runs]).T))
+    shapely.prepare(shape)
+    return list(boxes[shapely.intersects(shape, shapely.buffer(boxes, -_NARROW))])
+
+
+def _is_straight(shape: Any) -> bool:
+    """Whether all edges of a polygon lie along the axes."""
+    edges = np.concatenate(list(_edges(shape)))
+    return bool((np.abs(edges[:, 0] - edges[:, 1]).min(axis=1) <= _SNAP).all())
 
 
 def _is_convex(piece: Floats, corners: Floats, height: float) -> bool:
@@ -417,7 +493,7 @@ def _obstructing_parts(
     other = ground.surfaces[near] != surface
     bad = []
     narrow = hull.buffer(-max(tolerance.seam, tolerance.wall), join_style="mitre")
-    void = ground.surfaces[near] == VOID
+    void = ground.surfaces[near] <= VOID
     for zone, which, limit in (
         (inner, slice(None), tolerance.height + _SNAP),  # lower ground
         (hull.buffer(-tolerance.rim, join_style="mitre"), void, 0.0),
@@ -427,11 +503,11 @@ def _obstructing_parts(
             continue
         over = above[which] - limit
         one = (over > 0.0).any(axis=1)
-        parts, _ = _clip(found[which][one], over[one], 1e-12)
+        parts, _ = clip(found[which][one], over[one], 1e-12)
         for under in planes[1:]:  # a gap that ends below the solid is not in its way
             steep = np.maximum(under.cosine, _cosines(parts[:, :, [0, 1, 3]]))[:, None]
             reach = steep * (parts[:, :, 3] - under.at(parts)) - (tolerance.height + _SNAP)
-            parts, _ = _clip(parts, reach, 1e-12)
+            parts, _ = clip(parts, reach, 1e-12)
         parts = parts[areas_of(parts) > SLIVER][:, :, :3]
         bad.append(parts[shapely.intersects(zone, shapely.polygons(parts[:, :, :2]))])
     return np.concatenate(bad) if bad else np.empty((0, 3, 3))
@@ -614,7 +690,7 @@ def _edges(shape: Any) -> Iterator[Floats]:
 
 def _cut(piece: Floats, normal: Floats, at: float) -> list[Floats]:
     """Cut a piece by a line, given by normal and place; return the sides with triangles."""
-    sides = _clip(piece, piece[:, :, :2] @ normal - at, _SNAP)
+    sides = clip(piece, piece[:, :, :2] @ normal - at, _SNAP)
     return [side for side in sides if len(side)]
 
 
@@ -634,7 +710,7 @@ def _fit(points: Floats) -> _Plane:
     return _Plane(a, b, c, 0.5 * (high - low) / math.sqrt(1.0 + a * a + b * b))
 
 
-def _clip(triangles: Floats, distance: Floats, snap: float) -> tuple[Floats, Floats]:
+def clip(triangles: Floats, distance: Floats, snap: float) -> tuple[Floats, Floats]:
     """Cut triangles where a linear function is 0; return the positive and the negative side.
 
     Args:
