@@ -24,6 +24,7 @@ from terratool.report.numbers import metres
 from terratool.report.wording import count_of
 from terratool.simulators.collision.build import Collision, CollisionRequest, collision_of
 from terratool.simulators.collision.height_patch import SINK, HeightPatch
+from terratool.simulators.collision.lattices import UPRIGHT
 from terratool.simulators.collision.smooth import SmoothGround, height_fields_of, smooth_ground
 from terratool.simulators.collision.solids import Solid, plan_rectangle
 from terratool.simulators.markup import child, comment, numbers, rgba, write_xml, xml_text
@@ -456,7 +457,7 @@ class _CollisionGeoms:
         if not patch.used.any():
             raise no_ground()
         low, high = float(np.nanmin(patch.heights)), float(np.nanmax(patch.heights))
-        self._sunk = low - SINK * max(high - low, _BELOW)
+        self._sunk, self._base = low - SINK * max(high - low, _BELOW), low
         surfaces = patch.used_surfaces
         for surface in surfaces:
             self._add_patch(patch, surface, seen=True)
@@ -549,7 +550,9 @@ class _CollisionGeoms:
         shape = np.array(heights.shape, "<i4").tobytes()
         file = self._model.save(file, itertools.chain([shape], rows_of_bytes))
         # MuJoCo stretches heights to 0 … 1
-        size = 0.5 * (east - west), 0.5 * (north - south), max(high - low, 1e-6), _BELOW
+        # its sides are walls down to the lower ground beside it
+        deep = max(_BELOW, low - self._base)
+        size = 0.5 * (east - west), 0.5 * (north - south), max(high - low, 1e-6), deep
         child(self._model.asset, "hfield", name=name, file=file, size=numbers(size))
         look = {"group": 2, "rgba": rgba(self._scene.material(surface).color)} if seen else {}
         self._add_geom(
@@ -648,6 +651,12 @@ def _field_parts(found: Collision, wanted: float, how: str = "") -> Iterator[str
         if found.worst > wanted:
             said += f", on {found.share_over(wanted):.2g} % of them by more than was asked"
         yield said
+        width = found.wall_width
+        if width:
+            yield (
+                f"walls, and ground steeper than {math.degrees(math.atan(UPRIGHT)):.0f}°, "
+                f"are slopes on them up to {metres(width)} wide"
+            )
         if found.raggedness:
             yield f"lines between surfaces on them up to {metres(found.raggedness)}, a cell"
 

@@ -393,8 +393,10 @@ def test_the_same_bytes(tmp_path: Path) -> None:
 def test_fewer_geoms_cost_error(tmp_path: Path) -> None:
     """The error grows where there are to be few of them, and that is said."""
     terrain = sample("sandy-cove")
-    _, _, fine = written(terrain, tmp_path / "fine", "mujoco")
-    folder, ground, coarse = written(terrain, tmp_path / "coarse", "mujoco", max_geoms=12)
+    _, _, fine = written(terrain, tmp_path / "fine", "mujoco", collision="convex")
+    folder, ground, coarse = written(
+        terrain, tmp_path / "coarse", "mujoco", max_geoms=12, collision="convex"
+    )
     counts = coarse["collision"]
     assert sum(counts[kind] for kind in ("box", "mesh", "hfield")) <= 12
     assert counts["error"] > fine["collision"]["error"]
@@ -430,7 +432,9 @@ def test_ground_of_many_faces_is_cut_from_a_coarser_mesh(
     """What collides is farther off then, and no farther than is said; the picture is as asked."""
     monkeypatch.setattr("terratool.simulators.mujoco._FINE", 1_000)
     monkeypatch.setattr("terratool.simulators.mujoco._MANY", 3_000)
-    folder, ground, manifest = written(sample("sandy-cove"), tmp_path / "a", "mujoco")
+    folder, ground, manifest = written(
+        sample("sandy-cove"), tmp_path / "a", "mujoco", collision="convex"
+    )
     counts = manifest["collision"]
     assert manifest["max_error"] == 0.002
     assert 0.004 < counts["solids_error"] < 0.1

@@ -123,6 +123,12 @@ class Collision(NamedTuple):
         mixed = [patch for patch in self.patches if (patch.used & patch.mixed).any()]
         return max((max(patch.cell) for patch in mixed), default=0.0)
 
+    @property
+    def wall_width(self) -> float:
+        """Largest width of slopes in place of walls on height fields: a cell's side; 0 if none."""
+        upright = [one for one in self.patches if one.slopes and (one.used & one.near).any()]
+        return max((max(patch.cell) for patch in upright), default=0.0)
+
     def share_over(self, error: float) -> float:
         """Return the percentage of the height fields' area that is off by more than an error."""
         over = whole = 0.0

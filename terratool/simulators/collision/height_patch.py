@@ -33,6 +33,7 @@ class HeightPatch:
         surfaces: (n - 1, m - 1) int32 index of a cell's surface, -1 for none.
         mixed: (n - 1, m - 1) bool, whether a cell has several surfaces.
         misses: (n - 1, m - 1) float64 measured distance from the terrain; NaN at the void.
+        slopes: whether walls in cells `near` them are slopes, as no solids stand for them.
     """
 
     bounds: Bounds
@@ -43,6 +44,7 @@ class HeightPatch:
     surfaces: Ints
     mixed: Bools
     misses: Floats
+    slopes: bool = False
 
     @property
     def error(self) -> float:
@@ -87,6 +89,7 @@ class HeightPatch:
             self.surfaces[part],
             self.mixed[part],
             self.misses[part],
+            self.slopes,
         )
 
     def at(self, row: Indices, column: Indices) -> Floats:

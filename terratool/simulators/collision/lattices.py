@@ -13,6 +13,7 @@ import numpy as np
 
 from terratool.definition.findings import Bounds
 from terratool.field.bounds import finest_details
+from terratool.field.records import COMBINE
 from terratool.field.terrain import Terrain
 from terratool.raster.painter import Painter
 from terratool.simulators.collision.height_patch import Bools, Floats, HeightPatch, Ints
@@ -30,7 +31,7 @@ _NODES = 4_000_000
 _WALKED = 0.05
 """Side of the cells of ground that is rough all over, units of the terrain: each cell beneath a body
 takes time at each step, and no finer ones help where none of them is right."""
-_FINEST = 2.0, 5.0
+_FINEST = 2.0, 10.0
 """Least side of a cell, in errors: at any rate, and where that is less than half of `_WALKED`."""
 _ROUGH = 0.5
 """Share of cells too far off above which ground is rough all over."""
@@ -38,7 +39,7 @@ _BORDER = 40.0
 """Side of a cell, in errors, above which blocks are split at lines between surfaces."""
 _INSIDE = 1e-8
 """Distance from the edge of an area at which its outermost nodes are asked, in its longer side."""
-_UPRIGHT = 5.0
+UPRIGHT = 5.0
 """Slope above which ground is a wall."""
 
 
@@ -78,6 +79,25 @@ class GroundSampler:
         here = (west < bounds[2]) & (east > bounds[0]) & (south < bounds[3]) & (north > bounds[1])
         return float(details[here].min(initial=math.inf))
 
+    @cached_property
+    def _widths(self) -> tuple[Floats, Floats]:
+        """Cells of elements with a surface, (4, n), and the shorter side of each, (n,).
+
+        Discs without height are left out: they are domes that solids stand for.
+        """
+        arrays, cells = self.terrain.arrays, self.terrain.cells()
+        elements, kinds = arrays.elements, arrays.kinds[arrays.elements["kind"]]
+        flat = (elements["scale"] == 0.0) & (elements["offset"] == 0.0)
+        worn = (kinds["surface"] >= 0) & ~(flat & (kinds["combine"] == COMBINE["radial"]))
+        cells = cells[:, worn]
+        return cells, (cells[2:] - cells[:2]).min(axis=0)
+
+    def narrowest_in(self, bounds: Bounds) -> float:
+        """Return the shortest side of an element with a surface in a rectangle; inf for none."""
+        (west, south, east, north), widths = self._widths
+        here = (west < bounds[2]) & (east > bounds[0]) & (south < bounds[3]) & (north > bounds[1])
+        return float(widths[here].min(initial=math.inf))
+
     def at(self, x: Floats, y: Floats) -> tuple[Floats, Ints]:
         """Return heights and surface indices at evenly spaced columns x and rows y, which ascend.
 
@@ -109,7 +129,7 @@ class _Block:
         cells: number of rows and of columns of cells.
         miss: measured distance from the ground along z.
         level: height and surface of a block that is all at one height; None for another.
-        border: area of cells of several surfaces.
+        border: area of cells that have several surfaces, or may have.
         parts: the four blocks in its place; none for a height field.
     """
 
@@ -157,6 +177,10 @@ class Lattices:
     most: int
     _nodes: int = 0
 
+    def __post_init__(self) -> None:
+        least, most = (times * self.max_error for times in _FINEST)
+        self._finest = max(least, min(most, 0.5 * _WALKED))
+
     def lay(self, areas: list[Bounds], corner: Floats) -> list[HeightPatch]:
         """Return the height fields of rectangles.
 
@@ -170,13 +194,11 @@ class Lattices:
         self._nodes = sum(block.nodes for _, block in found)
         self._split(found, self._excess)
         self._split(found, self._border)
+        if self._nodes < _NODES // 8:  # small terrains may have finer cells
+            self._finest = _FINEST[0] * self.max_error
+            self._split(found, self._excess)
         self._merge([block for _, block in found])
         return [self._patch(block, area, corner) for area, root in found for block in root.leaves()]
-
-    @property
-    def _finest(self) -> float:
-        least, most = (times * self.max_error for times in _FINEST)
-        return max(least, min(most, 0.5 * _WALKED))
 
     def _excess(self, block: _Block) -> float:
         if block.side < 2.0 * self._finest:
@@ -284,13 +306,16 @@ class Lattices:
         rows, columns = (
             _FEWEST * max(1, round(_CELLS / _FEWEST * side / longer)) for side in (tall, wide)
         )
-        heights, surfaces = self.sampler.at(*self._axes(bounds, area, (2 * rows, 2 * columns)))
+        x, y = self._axes(bounds, area, (2 * rows, 2 * columns))
+        heights, surfaces = self.sampler.at(x, y)
         own = surfaces[1::2, 1::2]
         mixed = _several(surfaces, 4)
         border = wide * tall * float(np.count_nonzero(mixed)) / mixed.size
         low, high = float(heights.min()), float(heights.max())
         if low == high and not border:
             return _Block(bounds, (1, 1), 0.0, (low, int(own[0, 0])), 0.0)
+        if max(x[1] - x[0], y[1] - y[0]) > 0.5 * self.sampler.narrowest_in(bounds):
+            border = wide * tall  # a surface may lie between the samples
         miss, stride = _surplus(heights), 1
         while not border and 2 * stride <= _FEWEST and miss <= self.max_error:
             # what finer nodes add is bounded by the sum of what each halving adds
@@ -309,7 +334,7 @@ class Lattices:
         misses, near = np.empty((rows, columns)), np.zeros((rows, columns), np.bool_)
         own, mixed = np.empty((rows, columns), np.int32), np.empty((rows, columns), np.bool_)
         step = max(1, _STRIP // (k * len(x)))
-        steep = _UPRIGHT * (x[1] - x[0])
+        steep = UPRIGHT * (x[1] - x[0])
         for begin in range(0, rows, step):
             end = min(begin + step, rows)
             heights, surfaces = self.sampler.at(x, y[begin * k : end * k + 1])
@@ -322,7 +347,7 @@ class Lattices:
         bounds = block.bounds
         return HeightPatch(
             (bounds[0] - west, bounds[1] - south, bounds[2] - west, bounds[3] - south),
-            nodes, np.isfinite(misses), np.zeros_like(near), near, own, mixed, misses,
+            nodes, np.isfinite(misses), np.zeros_like(near), near, own, mixed, misses, True,
         )  # fmt: skip
 
 
