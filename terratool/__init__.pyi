@@ -48,6 +48,7 @@ from terratool.sensing.robot_map import RobotMap
 from terratool.sensing.sensor import Sensor as Sensor
 from terratool.sensing.sensor import load_sensor as load_sensor
 from terratool.simulators.export import SimulatorReport
+from terratool.simulators.options import Collisions
 from terratool.traversability.request import Point, RouteLine
 from terratool.traversability.route.graph import Preference
 from terratool.traversability.ruts import Deformed
@@ -188,7 +189,9 @@ class Terrain(ShownTerrain):
         max_error: float = 0.002,
         origin: Origin = "local",
         friction: float = 0.7,
+        collision: Collisions = "auto",
         max_geoms: int = 2000,
+        max_seconds: float = 60.0,
         flex: bool = False,
         heightmap: bool = False,
         per_surface: bool = False,
