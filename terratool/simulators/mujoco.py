@@ -42,7 +42,7 @@ _MANY = 1_500_000
 _COARSEST = 0.02
 """Largest error that solids get from a coarser mesh, in parts of the relief."""
 _FACES_A_SECOND = 250
-"""Faces of the ground and of storeys, before they are cut, that are meshed and covered in a second."""
+"""Faces of the ground and of storeys, before they are cut, that take a second."""
 _SEAM = 10.0
 """Largest reach of a solid into another surface of the same height, in errors."""
 _ROLLING = "0.005 0.0001"
@@ -97,7 +97,7 @@ def write(scene: Scene, folder: Path) -> WrittenFiles:
     else:
         smooth = _smooth_of(scene)
         own = scene if smooth is None else _beside(scene, smooth)
-        if not own.holes or not smooth.is_all:
+        if smooth is None or not own.holes or not smooth.is_all:
             _add_visuals(own, folder, asset, body)
         told = _CollisionGeoms(own, folder, asset, body).add(smooth)
     write_xml(root, folder / _FILE)
@@ -148,9 +148,7 @@ def _beside(scene: Scene, smooth: SmoothGround) -> Scene:
         return scene
     worn = {surface for patch in smooth.patches for surface in patch.used_surfaces}
     worn |= {solid.surface for solid in smooth.solids}
-    return replace(
-        scene, terrain=smooth.terrain, holes=smooth.areas, beside=frozenset(worn)
-    )
+    return replace(scene, terrain=smooth.terrain, holes=smooth.areas, beside=frozenset(worn))
 
 
 class _Told(NamedTuple):

@@ -40,7 +40,13 @@ _ABOUT = {
     "dask": ["nav2", "grid-map"],
 }
 """Targets that use an option, by the option's name."""
-_IN_PLACE_OF = {"max_geoms": "flex", "max_seconds": "flex", "collision": "flex", "max_slope": "vehicle", "max_step": "vehicle"}
+_IN_PLACE_OF = {
+    "max_geoms": "flex",
+    "max_seconds": "flex",
+    "collision": "flex",
+    "max_slope": "vehicle",
+    "max_step": "vehicle",
+}
 """Option that makes another one idle, by the name of the idle one."""
 
 

@@ -6,6 +6,7 @@ What stands over gaps is covered before, by solids alone.
 from __future__ import annotations
 
 import math
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -181,7 +182,16 @@ def collision_of(request: CollisionRequest) -> Collision:
         levels = np.concatenate([levels, parts.over[:, :, 2:].ravel()])
     spoilt = max(_SPOILT * float(np.ptp(levels)), 2.0 * max_error)
     rim = min(_RIM_OF_SEAM * seam, _RIM_OF_SIDE * longest)
-    limits = _Limits(height, spoilt, seam, rim, _PLAIN * (longest / CELLS) ** 2, say, seconds, time.monotonic() + seconds)
+    limits = _Limits(
+        height,
+        spoilt,
+        seam,
+        rim,
+        _PLAIN * (longest / CELLS) ** 2,
+        say,
+        seconds,
+        time.monotonic() + seconds,
+    )
     over: tuple[float, list[Solid]] = (height, [])
     if parts is not None and len(parts.over):
         over = _cover_over_gaps(parts, int(_SHARE * most), limits)
@@ -251,7 +261,8 @@ class _Task:
         """Cover the ground by at most `most` geoms, or more where that would spoil it."""
         ground, limits = self.around.ground, self.limits
         surfaces = ground.surfaces[: len(self.triangles)]
-        cutting = _Cutting(ground, self.triangles, surfaces, int(_SHARE * most), limits)
+        planes = int(_SHARE * most) if self.patched else sys.maxsize
+        cutting = _Cutting(ground, self.triangles, surfaces, planes, limits)
         done = cutting.done
         limits.say("finding plane ground")
         cutting.take_planes(self.joints)
@@ -275,8 +286,8 @@ class _Task:
         limits.say("laying height fields")
         laid = lay_patches(around, self.extent, int(_FIELDS * most), limits.spoilt)
         index, pieces = rest_of([one.footing for one in laid], ground)
-        left = (index < len(done)) & ~done[np.minimum(index, len(done) - 1)]
-        index, pieces = index[left], pieces[left]
+        bare = (index < len(done)) & ~done[np.minimum(index, len(done) - 1)]
+        index, pieces = index[bare], pieces[bare]
         room = (
             most - len(cutting.solids) - sum(len(one.footing.patch.used_surfaces) for one in laid)
         )
@@ -383,6 +394,8 @@ class _Cutting:
                 plane = len(part) > 1 or sizes[i] >= area or convex[i]
             else:
                 plane = sizes[i] >= area and (len(part) > 2 or not bent[part].any())
+            if len(self.solids) >= self.most:
+                return
             if plane and convex[i] and triangles.shape[2] == 3:
                 self._take_convex(part, hulls[i])
             elif plane and not (level[part[0]] and self._take_rectangles(part)):
@@ -396,12 +409,14 @@ class _Cutting:
         self.solids.append(plane_solid(hull, self.triangles[part[0]], int(self.surfaces[part[0]])))
 
     def _take_rectangles(self, part: NDArray[np.intp]) -> bool:
-        """Make a level part of the ground boxes, if its edges lie along the axes; return whether."""
+        """Make a level part of the ground boxes if its edges lie along the axes; return whether."""
         if self.triangles.shape[2] > 3:
             return False
         own, surface = self.triangles[part], int(self.surfaces[part[0]])
         shape = shapely.coverage_union_all(shapely.polygons(own[:, :, :2]))
-        boxes = rectangles_under(self.ground, shape, float(own[0, 0, 2]), surface, self.limits.height)
+        boxes = rectangles_under(
+            self.ground, shape, float(own[0, 0, 2]), surface, self.limits.height
+        )
         if not boxes or (len(boxes) > _RECTANGLES and len(part) < _MANY):
             return False  # a search may find fewer
         self.solids += [plane_solid(box, own[0], surface) for box in boxes]
