@@ -135,7 +135,7 @@ def coarse_mesh(
     """
     if bounds is None:
         bounds = plan.bounds.astype(np.int64)
-    keys_of = partial(kernels.region_keys, plan.kernel_plan)
+    keys_of: KeysOf = partial(kernels.region_keys, plan.kernel_plan)
     if len(holes):
         segments, keys_of = _with_holes(segments, keys_of, holes)
     plane, keys = triangulate(segments, bounds, keys_of, boundary)

@@ -105,7 +105,7 @@ class Painter:
 
     Args:
         terrain: terrain to be painted.
-        grid: pixels over the terrain.
+        grid: pixels over the terrain; None for lattices alone.
         dtype: data type of heights and slopes, float32 or float64.
         surfaces, slopes, labels: whether to paint these planes.
         storeys: whether the highest top of each column is painted, rather than the ground alone,
@@ -116,7 +116,7 @@ class Painter:
     def __init__(
         self,
         terrain: Terrain,
-        grid: Grid,
+        grid: Grid | None,
         dtype: DTypeLike = np.float32,
         surfaces: bool = True,
         slopes: bool = False,
@@ -167,6 +167,7 @@ class Painter:
             planes = self.blank(window)
         else:
             self._check(window, planes)
+        assert self._grid is not None
         x = self._grid.columns(window)
         y = np.ascontiguousarray(self._grid.rows(window)[::-1])
         counted = (None, None, None) if hidden is None else hidden

@@ -51,7 +51,7 @@ _MANY = 1_500_000
 _COARSEST = 0.02
 """Largest error that solids get from a coarser mesh, in parts of the relief."""
 _FACES_A_SECOND = 250
-"""Faces of the ground and of storeys, before they are cut, that are meshed and covered in a second."""
+"""Faces of the ground and of storeys, before they are cut, that take a second."""
 _SEAM = 10.0
 """Largest reach of a solid into another surface of the same height, in errors."""
 _ROLLING = "0.005 0.0001"

@@ -13,8 +13,8 @@ from terratool.field.bounds import curve_hulls, curve_pieces, nonzero_edges, wit
 from terratool.field.footprints import outline_of
 from terratool.field.records import COMBINE, STEPPED
 from terratool.field.terrain import Terrain
-from terratool.simulators.collision.lattices import GroundSampler
 from terratool.simulators.collision.height_patch import Bools, Floats
+from terratool.simulators.collision.lattices import GroundSampler
 
 _ASIDE = 1e-7
 """Distance from an edge at which heights beside it are asked, in the terrain's longer side."""
@@ -40,7 +40,7 @@ _NEAR = 1e-9
 """Distance that is rounding, in the terrain's longer side."""
 
 
-class Walls(NamedTuple):
+class JumpLines(NamedTuple):
     """Places where ground may jump, seen from above, in the world.
 
     Attributes:
@@ -52,7 +52,7 @@ class Walls(NamedTuple):
     blocks: Floats
 
 
-def walls_of(terrain: Terrain, least: float) -> Walls:
+def walls_of(terrain: Terrain, least: float) -> JumpLines:
     """Return where the ground of a terrain may jump; its outer edges are no walls.
 
     Args:
@@ -101,7 +101,7 @@ def walls_of(terrain: Terrain, least: float) -> Walls:
                 [x.min(0) - reach, y.min(0) - reach, x.max(0) + reach, y.max(0) + reach], axis=1
             )
         )
-    return Walls(found, np.concatenate(blocks))
+    return JumpLines(found, np.concatenate(blocks))
 
 
 def _has_steps(terrain: Terrain, kind: np.void) -> bool:
@@ -150,7 +150,7 @@ def _are_walls(terrain: Terrain, lines: Floats, least: float) -> Bools:
     return np.asarray(found.any(axis=1))
 
 
-def smooth_areas(sampler: GroundSampler, walls: Walls, max_error: float) -> list[Bounds]:
+def smooth_areas(sampler: GroundSampler, walls: JumpLines, max_error: float) -> list[Bounds]:
     """Return rectangles of curved ground without walls, which do not overlap.
 
     First come footprints of elements. Other ground with walls is cut along them, until there are
@@ -166,9 +166,9 @@ def smooth_areas(sampler: GroundSampler, walls: Walls, max_error: float) -> list
     near, smallest, plane = _NEAR * longest, _SMALLEST * longest, _PLANE * max_error
     found = _element_areas(sampler, walls, 2.0 * smallest, plane)
     number = len(found)
-    walls = Walls(walls.lines, np.concatenate([walls.blocks, np.array(found).reshape(-1, 4)]))
+    walls = JumpLines(walls.lines, np.concatenate([walls.blocks, np.array(found).reshape(-1, 4)]))
     held = np.array(found).reshape(-1, 4)
-    queue: list[tuple[float, int, Bounds, Walls]] = [(0.0, 0, whole, walls)]
+    queue: list[tuple[float, int, Bounds, JumpLines]] = [(0.0, 0, whole, walls)]
     for looked in range(1, _MOST):
         if not queue:
             break
@@ -214,7 +214,7 @@ def _drop(cells: Bools, bounds: Bounds, rectangles: Floats) -> None:
 
 
 def _element_areas(
-    sampler: GroundSampler, walls: Walls, smallest: float, plane: float
+    sampler: GroundSampler, walls: JumpLines, smallest: float, plane: float
 ) -> list[Bounds]:
     """Return footprints of elements, the largest first, with curved ground and without walls.
 
@@ -233,7 +233,7 @@ def _element_areas(
     fits = (arrays.kinds["combine"][own] != COMBINE["radial"]) & (poses["turned"] == 0)
     fits &= (cells[:, 2:] - cells[:, :2]).min(axis=1) >= smallest
     cells = np.unique(cells[fits], axis=0)
-    inner = shapely.box(*(cells + (near, near, -near, -near)).T)
+    inner = shapely.box(*(cells + np.array([near, near, -near, -near])).T)
     free = np.ones(len(cells), np.bool_)
     for shapes in (shapely.linestrings(walls.lines), shapely.box(*walls.blocks.T)):
         if len(shapes):
@@ -257,7 +257,7 @@ def _oblong(bounds: Bounds) -> float:
     return min(sides) / max(sides)
 
 
-def _merged(areas: list[Bounds], walls: Walls, near: float) -> list[Bounds]:
+def _merged(areas: list[Bounds], walls: JumpLines, near: float) -> list[Bounds]:
     """Return rectangles, where two that make one without walls in it are one."""
     found = sorted(areas)
     k = 0
@@ -315,17 +315,17 @@ def _curved(sampler: GroundSampler, bounds: Bounds, least: float) -> Bools:
     return out
 
 
-def _inside(walls: Walls, bounds: Bounds, near: float) -> Walls:
+def _inside(walls: JumpLines, bounds: Bounds, near: float) -> JumpLines:
     """Return the walls that go into a rectangle, those on its edges left out."""
     low, high = np.array(bounds[:2]) + near, np.array(bounds[2:]) - near
     lines = walls.lines
     keep = (lines.max(axis=1) > low).all(axis=1) & (lines.min(axis=1) < high).all(axis=1)
     blocks = walls.blocks
     held = (blocks[:, 2:] > low).all(axis=1) & (blocks[:, :2] < high).all(axis=1)
-    return Walls(lines[keep], blocks[held])
+    return JumpLines(lines[keep], blocks[held])
 
 
-def _best_cut(walls: Walls, bounds: Bounds, near: float) -> tuple[int, float]:
+def _best_cut(walls: JumpLines, bounds: Bounds, near: float) -> tuple[int, float]:
     """Return axis and place of the cut along which most walls stand, about the middle if none."""
     best = -1.0, 0, 0.0
     for axis in (0, 1):

@@ -6,6 +6,7 @@ What stands over gaps is covered before, by solids alone.
 from __future__ import annotations
 
 import math
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -260,7 +261,8 @@ class _Task:
         """Cover the ground by at most `most` geoms, or more where that would spoil it."""
         ground, limits = self.around.ground, self.limits
         surfaces = ground.surfaces[: len(self.triangles)]
-        cutting = _Cutting(ground, self.triangles, surfaces, int(_SHARE * most), limits)
+        planes = int(_SHARE * most) if self.patched else sys.maxsize
+        cutting = _Cutting(ground, self.triangles, surfaces, planes, limits)
         done = cutting.done
         limits.say("finding plane ground")
         cutting.take_planes(self.joints)
@@ -284,8 +286,8 @@ class _Task:
         limits.say("laying height fields")
         laid = lay_patches(around, self.extent, int(_FIELDS * most), limits.spoilt)
         index, pieces = rest_of([one.footing for one in laid], ground)
-        left = (index < len(done)) & ~done[np.minimum(index, len(done) - 1)]
-        index, pieces = index[left], pieces[left]
+        bare = (index < len(done)) & ~done[np.minimum(index, len(done) - 1)]
+        index, pieces = index[bare], pieces[bare]
         room = (
             most - len(cutting.solids) - sum(len(one.footing.patch.used_surfaces) for one in laid)
         )
@@ -392,6 +394,8 @@ class _Cutting:
                 plane = len(part) > 1 or sizes[i] >= area or convex[i]
             else:
                 plane = sizes[i] >= area and (len(part) > 2 or not bent[part].any())
+            if len(self.solids) >= self.most:
+                return
             if plane and convex[i] and triangles.shape[2] == 3:
                 self._take_convex(part, hulls[i])
             elif plane and not (level[part[0]] and self._take_rectangles(part)):
@@ -405,7 +409,7 @@ class _Cutting:
         self.solids.append(plane_solid(hull, self.triangles[part[0]], int(self.surfaces[part[0]])))
 
     def _take_rectangles(self, part: NDArray[np.intp]) -> bool:
-        """Make a level part of the ground boxes, if its edges lie along the axes; return whether."""
+        """Make a level part of the ground boxes if its edges lie along the axes; return whether."""
         if self.triangles.shape[2] > 3:
             return False
         own, surface = self.triangles[part], int(self.surfaces[part[0]])

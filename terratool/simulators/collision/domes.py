@@ -42,7 +42,8 @@ def take_domes(
     if not len(places):
         return terrain, []
     sizes = elements["scale"][places]
-    solids, taken = [], []
+    solids: list[Solid] = []
+    taken: list[int] = []
     cells = terrain.cells().T
     for index in places[np.argsort(-sizes, kind="stable")].tolist():
         if len(solids) == most:
@@ -57,7 +58,7 @@ def take_domes(
 
 
 def _ends_upright(terrain: Terrain, kind: NDArray[np.void]) -> bool:
-    """Whether a kind is a disc that is 0 at its edge, and rises from there with a vertical tangent."""
+    """Whether a kind is a disc that is 0 at its edge, where its tangent is vertical."""
     if kind["combine"] != COMBINE["radial"] or kind["is_void"]:
         return False
     starts, pieces = curve_pieces(terrain.arrays, kind, "x")

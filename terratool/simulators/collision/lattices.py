@@ -29,8 +29,8 @@ _STRIP = 500_000
 _NODES = 4_000_000
 """Most nodes of all height fields together."""
 _WALKED = 0.05
-"""Side of the cells of ground that is rough all over, units of the terrain: each cell beneath a body
-takes time at each step, and no finer ones help where none of them is right."""
+"""Side of the cells of ground that is rough all over, units of the terrain: each cell beneath a
+body takes time at each step, and finer ones help little where none of them is right."""
 _FINEST = 2.0, 10.0
 """Least side of a cell, in errors: at any rate, and where that is less than half of `_WALKED`."""
 _ROUGH = 0.5
@@ -188,9 +188,7 @@ class Lattices:
             areas: west, south, east, north of each in the world.
             corner: (2,) world position of the zero of the height fields.
         """
-        found: list[tuple[Bounds, _Block]] = []
-        for area in areas:
-            found.append((area, self._uniform(area) or self._block(area, area)))
+        found = [(area, self._uniform(area) or self._block(area, area)) for area in areas]
         self._nodes = sum(block.nodes for _, block in found)
         self._split(found, self._excess)
         self._split(found, self._border)

@@ -126,7 +126,8 @@ class GroundTriangles:
     Attributes:
         triangles: (n, 3, 3) float64 corners, counter-clockwise seen from above; of gaps (n, 3, 4):
             x, y, floor, ceiling.
-        surfaces: (n,) int32 surface indices, -1 for none, VOID or OTHERS where it counts as far below.
+        surfaces: (n,) int32 surface indices, -1 for none; VOID or OTHERS where it counts as far
+            below.
         sharp: (k, 2, 2) float64 ends of walls and creases, seen from above.
     """
 
