@@ -209,7 +209,9 @@ class Terrain(ShownTerrain):
         origin: Origin = "world",
         max_error: float = 0.002,
         friction: float = 0.7,
+        collision: Collisions = "auto",
         max_geoms: int = 2000,
+        max_seconds: float = 60.0,
         flex: bool = False,
     ) -> mujoco.MjSpec:
         """Return what `export_sim` writes for MuJoCo as a `mujoco.MjSpec`, without any file."""

@@ -271,7 +271,10 @@ class UserTerrain(ShownTerrain):
         plan = plan_export(folder, targets, wanted, source=source, overwrite=overwrite)
         return plan.write(self)
 
-    @takes(SceneOptions, only=("max_error", "friction", "max_geoms", "flex"))
+    @takes(
+        SceneOptions,
+        only=("max_error", "friction", "max_geoms", "max_seconds", "collision", "flex"),
+    )
     def to_mjspec(self, *, origin: Origin = "world", **options: Any) -> mujoco.MjSpec:
         """Return what `export_sim` writes for MuJoCo as a `mujoco.MjSpec`, without any file.
 

@@ -276,7 +276,7 @@ def test_isaac_labs_height_scanner_sees_one_surface_of_several_meshes() -> None:
     terrain = slopes(0.1)
     for per_surface, least, most in ((False, 0.99, 1.0), (True, 0.0, 1.5 / len(FRICTION_ANGLES))):
         options = SceneOptions(origin="world", per_surface=per_surface)
-        assert least <= share_seen(terrain, stage_of(scene_of(terrain, options))) <= most
+        assert least <= share_seen(terrain, stage_of(scene_of(terrain, "", options))) <= most
 
 
 # --- Newton ---------------------------------------------------------------------------------------

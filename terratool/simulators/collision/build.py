@@ -34,13 +34,11 @@ from terratool.simulators.collision.solids import (
     VOID,
     Budget,
     GroundTriangles,
-    PlanRectangle,
     Solid,
     Tolerance,
     areas_of,
     clip,
     cover,
-    plan_rectangle,
     plane_solid,
     rectangles_under,
 )
@@ -481,22 +479,6 @@ def _hull(triangles: Floats) -> Any:
     """Return the convex hull of triangles seen from above."""
     corners = triangles[:, :, :2].reshape(-1, 2)
     return shapely.convex_hull(shapely.linestrings(np.concatenate([corners, corners[:1]])))
-
-
-def level_boxes(parts: StackParts, error: float) -> list[tuple[int, PlanRectangle]]:
-    """Return boxes that are exact for level decks with a level underside, and their surfaces.
-
-    Args:
-        parts: ground and storeys.
-        error: reach of a box into a gap or another surface that is narrower than that.
-    """
-    if not len(parts.over):
-        return []
-    limits = _Limits(error, error, error, _RIM_OF_SEAM * error, math.inf, lambda _: None)
-    cutting, joints = _over_gaps(parts, len(parts.over), limits)
-    cutting.take_planes(joints)
-    found = ((solid.surface, plan_rectangle(solid)) for solid in cutting.solids)
-    return [(surface, box) for surface, box in found if box is not None]
 
 
 def _cover_over_gaps(parts: StackParts, most: int, limits: _Limits) -> tuple[float, list[Solid]]:
