@@ -124,7 +124,7 @@ def test_rough_ground_is_one_field_of_its_own_nodes(tmp_path: Path) -> None:
     # a bilinear cell is off two triangles by a quarter of its twist: 4 · 0.08 / 4 at most, of
     # cells of 0.1 m, and a quarter of that in halves of these
     assert 0.002 < error <= 0.0101
-    [field] = folder.glob("*hfield*.bin")
+    [field] = folder.glob("*.bin")
     assert np.fromfile(field, "<i4", 2).tolist() == [51, 71]
     checks.check_rays(MuJoCo(folder), ground, 1.01 * error)
 

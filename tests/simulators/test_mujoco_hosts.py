@@ -37,6 +37,7 @@ LOT: dict[str, Any] = {
              "surface": "a b/c"},
             {"part": "pile", "at": [7, 1.5], "extent": [2, 1], "vScale": 0.4},
             {"type": "hump", "at": [5.5, 3.6], "extent": [4, 2], "vScale": 0.5},
+            {"type": "slope", "at": [1.5, 3.6], "extent": [1.6, 0.9], "turnDeg": 20, "vScale": 0.4},
         ],
     },
 }  # fmt: skip

@@ -148,17 +148,22 @@ def boxes_of(name: str, folder: Path) -> list[tuple[list[float], list[float], fl
     """Middle, side lengths, turn in radians and friction of the boxes of a file over the ground."""
     found = []
     if name == "mujoco":
-        [body] = ET.parse(folder / "terrain.xml").iter("body")
-        assert [float(word) for word in body.get("pos", "").split()] == [0, 0, 0]
-        for geom in body.iter("geom"):
+        root = ET.parse(folder / "terrain.xml").getroot()
+        frictions = {
+            str(own.get("class")): contact.get("friction", "")
+            for own in root.iter("default")
+            if (contact := own.find("geom")) is not None
+        }
+        for geom in root.iter("geom"):
             if geom.get("type") == "box":
-                words = {"quat": "1 0 0 0", **geom.attrib}
-                place, half, turn, contact = (
+                words = {"xyaxes": "1 0 0 0 1 0", **geom.attrib}
+                place, half, axes = (
                     [float(word) for word in words[key].split()]
-                    for key in ("pos", "size", "quat", "friction")
+                    for key in ("pos", "size", "xyaxes")
                 )
+                contact = float(frictions[words["class"]].split()[0])
                 sides = [2 * side for side in half]
-                found.append((place, sides, 2 * math.atan2(turn[3], turn[0]), contact[0]))
+                found.append((place, sides, math.atan2(axes[1], axes[0]), contact))
     elif name == "gazebo":
         for shape in ET.parse(folder / "model.sdf").iter("collision"):
             if (size := shape.findtext("geometry/box/size")) is not None:
