@@ -22,7 +22,7 @@ _ON_EDGE = 16
 """Points on each edge at which a wall is looked for."""
 _ARC = 0.9
 """Cosine of the turn at a corner above which it is on an arc."""
-_SMALLEST = 1 / 256
+_SMALLEST = 1 / 512
 """Least side of an area, in the terrain's longer side."""
 _MOST = 2000
 """Most rectangles that are looked at."""
@@ -178,6 +178,10 @@ def smooth_areas(sampler: GroundSampler, walls: JumpLines, max_error: float) -> 
         _drop(curved, bounds, held)
         if np.count_nonzero(curved) <= _SOME * curved.size:
             continue
+        low, high = np.array(bounds[:2]) + near, np.array(bounds[2:]) - near
+        blocks = inside.blocks
+        if ((blocks[:, :2] < low) & (blocks[:, 2:] > high)).all(axis=1).any():
+            continue  # walls may be anywhere in it
         size = max(bounds[2] - bounds[0], bounds[3] - bounds[1])
         if len(inside.lines) or len(inside.blocks):
             if size < 2.0 * smallest:
