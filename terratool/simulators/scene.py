@@ -50,6 +50,8 @@ _MOST_FACES, _MANY_FACES = 20_000_000, 2_000_000
 """Most faces of a mesh, about, and those that are proposed in place of more."""
 _TILED_FACES = 1_000_000
 """Faces, about, of which a mesh is built by tiles, so that it takes less memory."""
+_FALL = 0.8
+"""Share to which twice the error lowers the number of faces, if that is worth it."""
 _ABOVE = 1.05
 """Factor on an error that is proposed, so that it stays enough when it is told in two digits."""
 
@@ -162,14 +164,20 @@ class Scene:
             faces: most faces of the ground and of all faces of storeys, before they are cut where
                 they meet.
         """
-        storeys, error = self.terrain.storeys, self.options.max_error
+        storeys = self.terrain.storeys
         if storeys is None:
             return self
         fields = [self.terrain.ground_alone, *(sheet.top for sheet in storeys.sheets)]
         fields += [sheet.other_face(storeys.table.gaps) for sheet in storeys.sheets]
-        while sum(faces_of(plan_of(field, error)[0]) for field in fields) > faces:
-            error *= 2.0
-        return replace(self, options=replace(self.options, max_error=error))
+        least = math.inf
+        for error in (self.options.max_error * 2.0**k for k in range(20)):
+            count = sum(faces_of(plan_of(field, error)[0]) for field in fields)
+            if count > _FALL * least:  # level faces are as many within any error
+                break
+            found, least = error, count
+            if count <= faces:
+                break
+        return replace(self, options=replace(self.options, max_error=found))
 
     @cached_property
     def level_solids(self) -> list[LevelSolid]:

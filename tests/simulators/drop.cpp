@@ -58,7 +58,8 @@ static std::string body(
     text << "<sdf version='1.7'><model name='body" << number << "'><pose>" << x << " " << y << " "
          << z << " 0 " << -angle << " 0</pose><link name='link'><inertial><mass>1</mass><inertia>"
          << "<ixx>0.01</ixx><iyy>0.01</iyy><izz>0.01</izz></inertia></inertial>"
-         << "<collision name='shape'>" << turned << "<geometry>" << shape << "</geometry><surface><friction><ode>"
+         << "<collision name='shape'>" << turned << "<geometry>" << shape
+         << "</geometry><surface><friction><ode>"
          << "<mu>10</mu><mu2>10</mu2></ode></friction></surface></collision></link>";
     if (kind != "slide")
         text << "<joint name='slider' type='prismatic'><parent>world</parent><child>link</child>"
