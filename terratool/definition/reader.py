@@ -83,7 +83,6 @@ from terratool.text.values import (
 
 if TYPE_CHECKING:
     from terratool.definition.expand import Expansion
-    from terratool.definition.tile_files import TileSource
     from terratool.text.edit import Edit
     from terratool.text.locate import Position
     from terratool.text.syntax import JsonSyntaxError
@@ -238,7 +237,7 @@ class Checked(Struct, frozen=True, dict=True):
         vehicle: vehicle; None if it has an error, or the text is no vehicle.
         sensor: sensor; None if it has an error, or the text is no sensor.
         curriculum: spec of training tiles; None if it has an error, or the text is no spec.
-        tiles: terrains that tiles of `curriculum` are made of, by the names of the kinds.
+        tiles: terrains (`TileSource`) that tiles of `curriculum` are made of, by names of kinds.
         terrain: terrain, whose elements may be in `tree` alone; None if it has an error, or the
             text is no terrain.
         tree: elements of the terrain or the library.
@@ -253,7 +252,7 @@ class Checked(Struct, frozen=True, dict=True):
     vehicle: VehicleText | None = None
     sensor: SensorText | None = None
     curriculum: CurriculumText | None = None
-    tiles: Mapping[str, TileSource] = {}
+    tiles: Mapping[str, Any] = {}
     terrain: Definition | None = None
     tree: Tree | None = None
     document: SourceDocument | None = None
