@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from terratool.mesh.components import components
 from terratool.mesh.stacked import StackParts
 from terratool.mesh.types import Mesh
+from terratool.simulators.collision.solids import base_below
 from terratool.simulators.rectangles import NEAR, CutRectangle, PlanTriangles, cut, lines_of
 
 Floats = NDArray[np.float64]
@@ -25,8 +26,6 @@ MOST_SOLIDS = 2_000
 """Most boxes and cylinders: simulators take long to load more."""
 _LEVEL = 1e-6
 """Largest difference of heights of level ground, units of the terrain."""
-_BELOW, _PART = 1.0, 0.1
-"""Least depth of a base below the lowest ground, units of the terrain, and parts of the relief."""
 _CORNERS = 8
 """Least corners of a polygon that stands for a circle."""
 _SHARE = 0.5
@@ -175,8 +174,7 @@ def _base(ground: Mesh, parts: StackParts | None) -> float:
     levels = ground.vertices[:, 2]
     if not len(levels):
         levels = np.zeros(1) if parts is None else parts.over[:, :, 2:]
-    low, relief = float(levels.min()), float(np.ptp(levels))
-    return low - max(_BELOW, _PART * relief)
+    return base_below(float(levels.min()), float(levels.max()))
 
 
 def _ranks(values: Floats) -> Indices:

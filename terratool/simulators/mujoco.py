@@ -26,7 +26,7 @@ from terratool.simulators.collision.build import Collision, CollisionRequest, co
 from terratool.simulators.collision.height_patch import SINK, HeightPatch
 from terratool.simulators.collision.lattices import UPRIGHT
 from terratool.simulators.collision.smooth import SmoothGround, height_fields_of, smooth_ground
-from terratool.simulators.collision.solids import Solid, plan_rectangle
+from terratool.simulators.collision.solids import BELOW, Solid, base_below, plan_rectangle
 from terratool.simulators.markup import child, comment, numbers, rgba, write_xml, xml_text
 from terratool.simulators.naming import ContactNames
 from terratool.simulators.options import SceneOptions
@@ -38,10 +38,6 @@ if TYPE_CHECKING:
     import mujoco
 
 _FILE, _INCLUDED = "terrain.xml", "include.xml"
-_BELOW = 1.0
-"""Least depth of the base of solids below the lowest ground, units of the terrain."""
-_PART = 0.1
-"""Least depth of the base of solids below the lowest ground, in parts of the relief."""
 _FINE = 500_000
 """Least faces of the seen mesh that solids are cut from; below, a finer mesh is built."""
 _MESH_SHARE = 0.5
@@ -425,8 +421,8 @@ class _CollisionGeoms:
             *(patch.heights for patch in seen.patches if patch.used.any()),
         ):
             low, high = min(low, float(np.nanmin(levels))), max(high, float(np.nanmax(levels)))
-        self._base = low - max(_BELOW, _PART * (high - low))
-        self._sunk = low - SINK * max(high - low, _BELOW)
+        self._base = base_below(low, high)
+        self._sunk = low - SINK * max(high - low, BELOW)
         for part in (found, seen):
             begin = len(self._model.world)
             worn, roofs = [one.surface for one in part.solids], [one.top for one in part.solids]
@@ -457,7 +453,7 @@ class _CollisionGeoms:
         if not patch.used.any():
             raise no_ground()
         low, high = float(np.nanmin(patch.heights)), float(np.nanmax(patch.heights))
-        self._sunk, self._base = low - SINK * max(high - low, _BELOW), low
+        self._sunk, self._base = low - SINK * max(high - low, BELOW), low
         surfaces = patch.used_surfaces
         for surface in surfaces:
             self._add_patch(patch, surface, seen=True)
@@ -551,7 +547,7 @@ class _CollisionGeoms:
         file = self._model.save(file, itertools.chain([shape], rows_of_bytes))
         # MuJoCo stretches heights to 0 … 1
         # its sides are walls down to the lower ground beside it
-        deep = max(_BELOW, low - self._base)
+        deep = max(BELOW, low - self._base)
         size = 0.5 * (east - west), 0.5 * (north - south), max(high - low, 1e-6), deep
         child(self._model.asset, "hfield", name=name, file=file, size=numbers(size))
         look = {"group": 2, "rgba": rgba(self._scene.material(surface).color)} if seen else {}

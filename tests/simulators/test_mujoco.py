@@ -16,8 +16,7 @@ import terratool
 from terratool.field.terrain import Terrain
 from terratool.report.numbers import metres
 from terratool.simulators.collision.footing import HALVES, heights_of
-from terratool.simulators.collision.height_patch import HeightPatch
-from terratool.simulators.collision.patches import misses_of
+from terratool.simulators.collision.height_patch import HeightPatch, misses_of
 from tests.conftest import terrain_of
 from tests.meshes import SITE
 from tests.simulators import checks

@@ -95,7 +95,7 @@ def walls_of(terrain: Terrain, least: float) -> JumpLines:
     if terrain.tracks:
         x = np.stack([tracks["x"], tracks["end_x"]])
         y = np.stack([tracks["y"], tracks["end_y"]])
-        reach = tracks["reach"].max(axis=1) if tracks["reach"].ndim > 1 else tracks["reach"]
+        reach = tracks["reach"]
         blocks.append(
             np.stack(
                 [x.min(0) - reach, y.min(0) - reach, x.max(0) + reach, y.max(0) + reach], axis=1

@@ -14,6 +14,9 @@ from terratool.definition.findings import Bounds
 SINK = 8.0
 """Depth of a height field's unused nodes, in reliefs, so that its sides are steep."""
 
+STEP = 0.25
+"""Least height of a wall, in errors."""
+
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -115,3 +118,25 @@ def runs(patch: HeightPatch, cells: Bools) -> NDArray[Any]:
             south + (row[end] + 1) * dy,
         )
     )
+
+
+def misses_of(heights: Floats, k: int) -> Floats:
+    """Return the largest distances of cells from the terrain, (n, m), from k + 1 samples a side.
+
+    MuJoCo parts each cell from its south-west to its north-east corner.
+    """
+    nodes = heights[::k, ::k]
+    southwest, southeast = nodes[:-1, :-1], nodes[:-1, 1:]
+    northwest, northeast = nodes[1:, :-1], nodes[1:, 1:]
+    found = np.zeros(southwest.shape)
+    n, m = heights.shape
+    for j in range(k + 1):
+        for i in range(k + 1):
+            u, v = i / k, j / k
+            if v <= u:
+                level = southwest + u * (southeast - southwest) + v * (northeast - southeast)
+            else:
+                level = southwest + v * (northwest - southwest) + u * (northeast - northwest)
+            there = heights[j : n - k + j : k, i : m - k + i : k]
+            np.maximum(found, np.abs(there - level), out=found)
+    return found

@@ -16,7 +16,13 @@ from terratool.field.bounds import finest_details
 from terratool.field.records import COMBINE
 from terratool.field.terrain import Terrain
 from terratool.raster.painter import Painter
-from terratool.simulators.collision.height_patch import Bools, Floats, HeightPatch, Ints
+from terratool.simulators.collision.height_patch import (
+    Bools,
+    Floats,
+    HeightPatch,
+    Ints,
+    misses_of,
+)
 
 _CELLS = 64
 """Cells along the longer side of a block, before it is made coarser."""
@@ -388,25 +394,3 @@ def _rises(heights: Floats, k: int) -> Floats:
     rises = np.abs(np.diff(heights, axis=1))[:-1]
     np.maximum(rises, np.abs(np.diff(heights, axis=0))[:, :-1], out=rises)
     return np.asarray(np.maximum.reduce([rises[j::k, i::k] for j, i in np.ndindex(k, k)]))
-
-
-def misses_of(heights: Floats, k: int) -> Floats:
-    """Return the largest distances of cells from the terrain, (n, m), from k + 1 samples a side.
-
-    MuJoCo parts each cell from its south-west to its north-east corner.
-    """
-    nodes = heights[::k, ::k]
-    southwest, southeast = nodes[:-1, :-1], nodes[:-1, 1:]
-    northwest, northeast = nodes[1:, :-1], nodes[1:, 1:]
-    found = np.zeros(southwest.shape)
-    n, m = heights.shape
-    for j in range(k + 1):
-        for i in range(k + 1):
-            u, v = i / k, j / k
-            if v <= u:
-                level = southwest + u * (southeast - southwest) + v * (northeast - southeast)
-            else:
-                level = southwest + v * (northwest - southwest) + u * (northeast - northwest)
-            there = heights[j : n - k + j : k, i : m - k + i : k]
-            np.maximum(found, np.abs(there - level), out=found)
-    return found

@@ -16,7 +16,14 @@ from terratool.definition.findings import Bounds
 from terratool.field.terrain import Terrain
 from terratool.simulators.collision.continuation import continue_ground
 from terratool.simulators.collision.footing import Footing, footing_of, with_misses_at
-from terratool.simulators.collision.height_patch import Bools, Floats, HeightPatch, Ints
+from terratool.simulators.collision.height_patch import (
+    STEP,
+    Bools,
+    Floats,
+    HeightPatch,
+    Ints,
+    misses_of,
+)
 from terratool.simulators.collision.solids import VOID, GroundTriangles
 
 CELLS = 96
@@ -29,8 +36,6 @@ _STEEP = 2.0
 """Least side of a cell, in errors, of a field split for its error; smaller ones err at steps."""
 _FINEST = 40.0
 """Least side of a cell, in errors, of a field split at lines between surfaces, or at walls."""
-_STEP = 0.25
-"""Least height of a wall, in errors."""
 _PLENTY = 600
 """Height fields that are allowed at least, where fewer would spoil the ground."""
 _NODES = 4_000_000
@@ -291,32 +296,10 @@ def _continue_behind_walls(
     def height(x: Floats, y: Floats) -> Floats:
         return around.height(west + x * cell[0], south + y * cell[1])
 
-    found = continue_ground(nodes, walls, height, _STEP * around.max_error)
+    found = continue_ground(nodes, walls, height, STEP * around.max_error)
     changed = (found != nodes) & np.isfinite(nodes)
     cells = changed[:-1, :-1] | changed[1:, :-1] | changed[:-1, 1:] | changed[1:, 1:]
     return found, cells
-
-
-def misses_of(heights: Floats, k: int) -> Floats:
-    """Return the largest distances of cells from the terrain, (n, m), from k + 1 samples a side.
-
-    MuJoCo parts each cell from its south-west to its north-east corner.
-    """
-    nodes = heights[::k, ::k]
-    southwest, southeast = nodes[:-1, :-1], nodes[:-1, 1:]
-    northwest, northeast = nodes[1:, :-1], nodes[1:, 1:]
-    found = np.zeros(southwest.shape)
-    n, m = heights.shape
-    for j in range(k + 1):
-        for i in range(k + 1):
-            u, v = i / k, j / k
-            if v <= u:
-                level = southwest + u * (southeast - southwest) + v * (northeast - southeast)
-            else:
-                level = southwest + v * (northwest - southwest) + u * (northeast - northwest)
-            there = heights[j : n - k + j : k, i : m - k + i : k]
-            np.maximum(found, np.abs(there - level), out=found)
-    return found
 
 
 def _without_void(patch: HeightPatch) -> Iterator[HeightPatch]:

@@ -11,12 +11,10 @@ from terratool.definition.findings import Bounds
 from terratool.field.terrain import Terrain
 from terratool.simulators.collision.areas import smooth_areas, walls_of
 from terratool.simulators.collision.domes import take_domes
-from terratool.simulators.collision.height_patch import HeightPatch
+from terratool.simulators.collision.height_patch import STEP, HeightPatch
 from terratool.simulators.collision.lattices import GroundSampler, Lattices
 from terratool.simulators.collision.solids import Solid
 
-_STEP = 0.25
-"""Least height of a wall, in errors."""
 _DOMES = 0.5
 """Share of all geoms that domes may take."""
 _FIELDS = 0.25
@@ -61,7 +59,7 @@ def smooth_ground(terrain: Terrain, max_error: float, most: int) -> SmoothGround
     if terrain.storeys is None:
         terrain, domes = take_domes(terrain, max_error, int(_DOMES * most), corner)
     sampler = GroundSampler(terrain)
-    areas = smooth_areas(sampler, walls_of(terrain, _STEP * max_error), max_error)
+    areas = smooth_areas(sampler, walls_of(terrain, STEP * max_error), max_error)
     laid = Lattices(sampler, max_error, max(1, int(_FIELDS * most))).lay(areas, corner)
     solids, patches = [], []
     for patch in laid:

@@ -22,6 +22,10 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 Indices = NDArray[np.intp]
 
+BELOW = 1.0
+"""Least depth of a base below the lowest ground, units of the terrain."""
+_PART = 0.1
+"""Least depth of a base below the lowest ground, in parts of the relief."""
 VOID = -2
 """Index of a surface that stands for no ground."""
 OTHERS = -3
@@ -86,6 +90,11 @@ class Solid(NamedTuple):
     flat: bool
     surface: int
     under: Floats | None = None
+
+
+def base_below(low: float, high: float) -> float:
+    """Return the height of the base of solids for ground from a lowest to a highest height."""
+    return low - max(BELOW, _PART * (high - low))
 
 
 class _Plane(NamedTuple):
