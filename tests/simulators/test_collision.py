@@ -147,3 +147,62 @@ def test_what_time_took_away_is_said(tmp_path: Path) -> None:
     counts = manifest["collision"]
     assert any("--max-seconds N allows more" in line for line in manifest["losses"])
     checks.check_rays(MuJoCo(folder), ground, 1.01 * counts["error"])
+
+
+def test_high_curved_ground_has_its_walls(tmp_path: Path) -> None:
+    """A hill on a tower: rays from aside meet the tower's sides, far below its top."""
+    tower = {
+        "type": "block", "at": [4, 2.4], "extent": [3, 2], "vScale": 6,
+        "children": [{"type": "wave", "at": [1.5, 1], "extent": [3, 2], "vScale": 0.2}],
+    }  # fmt: skip
+    definition = {**WAVES, "elemTree": {"type": "block", "vScale": 0, "children": [tower]}}
+    definition["surfTypes"] = {}
+    folder, ground, manifest = written(
+        terrain_of(definition), tmp_path / "a", "mujoco", origin="world"
+    )
+    assert kinds(manifest)[2] > 0
+    simulator = MuJoCo(folder)
+    checks.check_rays(simulator, ground, 0.0025)
+    for z in (0.3, 2.0, 4.5, 5.9):
+        for begin, end, met in (
+            ([0.5, 2.3, z], [8.5, 2.3, z], [2.5, 2.3, z]),
+            ([8.5, 2.1, z], [0.5, 2.1, z], [5.5, 2.1, z]),
+            ([4.3, 0.2, z], [4.3, 4.8, z], [4.3, 1.4, z]),
+            ([3.7, 4.8, z], [3.7, 0.2, z], [3.7, 3.4, z]),
+        ):
+            assert simulator.ray(begin, end) == pytest.approx(met, abs=0.003), (begin, z)
+
+
+def test_narrow_things_on_wide_ground_are_within_the_error(tmp_path: Path) -> None:
+    """A bump of 0.6 m on 60 m of gentle ground: it has cells of its own."""
+    bump = {"type": "bell", "at": [41.3, 9.7], "extent": [0.6, 0.9], "vScale": 0.1}
+    definition = {
+        **WAVES,
+        "size": [60, 23],
+        "elemTypes": {**WAVES["elemTypes"], "bell": {"x": "cosbell", "y": []}},
+        "elemTree": {**WAVES["elemTree"], "vScale": 0.1, "children": [bump]},
+    }
+    folder, ground, manifest = written(
+        terrain_of(definition), tmp_path / "a", "mujoco", origin="world"
+    )
+    assert manifest["collision"]["height_fields_error"] <= 0.002
+    simulator = MuJoCo(folder)
+    for x, y in np.random.default_rng(2).uniform((41, 9.25), (41.6, 10.15), (200, 2)).tolist():
+        found = simulator.ray_down(x, y)
+        assert found == pytest.approx(float(ground.height(x, y)), abs=0.0022)
+
+
+def test_height_fields_alone_leave_the_void_open(tmp_path: Path) -> None:
+    hole = block(3.1, 1.9, surface="gap")
+    definition = {**WAVES, "surfTypes": {**WAVES["surfTypes"], "gap": {"void": True}}}
+    definition["elemTree"] = {**WAVES["elemTree"], "children": [hole]}
+    folder, ground, manifest = written(
+        terrain_of(definition), tmp_path / "a", "mujoco", collision="hfield", origin="world"
+    )
+    assert kinds(manifest)[:2] == (0, 0)
+    simulator = MuJoCo(folder)
+    for x, y in ((3.1, 1.9), (2.6, 1.7), (3.6, 2.1)):
+        assert np.isnan(ground.height(x, y))
+        found = simulator.ray_down(x, y)
+        assert found is None or found < -1.0  # a pit at most, as height fields have no holes
+    assert simulator.ray_down(1.0, 1.0) == pytest.approx(float(ground.height(1, 1)), abs=0.0021)
